@@ -17,7 +17,7 @@ from language.verbs import DEVICE_VERBS, KNOWN, Act, doing
 from language.words import FILLERS, TABLE
 from language.world import AT_END, FLAT, WorldModel
 
-WAYS = {"left": "to the left", "right": "to the right", "far": "away from me", "near": "towards me"}
+WAYS = {"left": "to the left", "right": "to the right", "far": "away from {}", "near": "towards {}"}
 BACK = 0.03  # metres within which a thing is back where it was
 FEW_CELLS = 3  # that a move is told by
 MOST_NAMED = 3  # things that a question offers by name
@@ -142,13 +142,13 @@ def spot_words(world: WorldModel, step) -> str:
         cells = round(abs(dx) + abs(dy))
         side = next((side for side in WAYS if _along(world, side, dx, dy) > 0), "left")
         if 0 < cells <= FEW_CELLS:
-            return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side]}"
+            return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side].format(_viewer(world))}"
     if not world.cells and max(abs(dx), abs(dy)) < 0.13 and not moved and world.below[step.object] is None:
         side = next(
             (s for s in WAYS if _along(world, s, dx, dy) >= 0.8 * max(abs(dx), abs(dy), 1e-9)),
             "left",
         )
-        return f"{WAYS[side]} by {100 * max(abs(dx), abs(dy)):.0f} cm"
+        return f"{WAYS[side].format(_viewer(world))} by {100 * max(abs(dx), abs(dy)):.0f} cm"
     near = sorted(
         (i for i, other in enumerate(world.things) if i != step.object and not other.target),
         key=lambda i: abs(world.things[i].x - x) + abs(world.things[i].y - y),
@@ -157,6 +157,11 @@ def spot_words(world: WorldModel, step) -> str:
         0.15 if not world.cells else 2
     )
     return f"next to {a_name(world, near[0])}" if close else f"on the {'board' if world.cells else 'table'}"
+
+
+def _viewer(world: WorldModel) -> str:
+    """Return who sees what is near as near: the person, or the robot that says so."""
+    return "you" if world.viewpoint == "human" else "me"
 
 
 def _along(world: WorldModel, side: str, dx: float, dy: float) -> float:
@@ -181,7 +186,7 @@ def where(world: WorldModel, index: int) -> str:
     side.append(
         "on the left" if left > 0.2 * (y1 - y0) else "on the right" if left < -0.2 * (y1 - y0) else "in the middle"
     )
-    side.append("at the front, near me" if far < 0 else "at the back, away from me")
+    side.append(f"at the front, near {_viewer(world)}" if far < 0 else f"at the back, away from {_viewer(world)}")
     near = [
         i
         for i in range(len(world.things))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from language import Answer, Dialogue, Object, Plan, Question, Refusal, board
-from language.talk import name, said
+from language.talk import name, said, where
 from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, RED, YELLOW
 from tests.helpers.room_cases import room as small_room
 
@@ -161,3 +161,14 @@ def test_what_the_gripper_holds_hides_nothing_of_why_a_thing_is_not_found():
     outcome = Dialogue().answer("put the yellow cube on the red one", board(BLOCKS, held=3))
     assert isinstance(outcome, Refusal | Question)
     assert "no yellow cube" in outcome.message
+
+
+@pytest.mark.parametrize(
+    ("viewpoint", "first", "last"),
+    [("human", "at the back, away from you", "at the front, near you"), ("robot", "near me", "away from me")],
+)
+def test_who_is_near_depends_on_whose_view_is_meant(viewpoint, first, last):
+    """The robot stands at x = 0, and the person opposite it."""
+    world = board(BLOCKS, viewpoint=viewpoint)
+    assert first in where(world, 0)
+    assert last in where(world, 1)
