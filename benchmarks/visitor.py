@@ -54,7 +54,7 @@ VERDICTS = {
 RIGHT = ("done", "answered", "asked")
 MOVED = 0.01  # metres
 NEAR = 0.12  # metres between the gripper and what it is at
-MOVING_STEPS = 15  # control steps after which an arm is in motion
+MOVING_STEPS = 6  # control steps after which an arm is in motion
 PATIENCE = 120.0  # seconds for an input
 REPLY = "n => document.querySelectorAll('.entry').length > n"
 
@@ -115,9 +115,11 @@ class Visit:
         """Wait until the arm is at rest or, before an interruption, in motion."""
         start_time, first = time.monotonic(), self._ask(lambda session: session.steps)
         while time.monotonic() - start_time < PATIENCE:
-            time.sleep(0.3)
+            time.sleep(0.1)
             busy, steps = self._ask(lambda session: (session.busy or session._goes_home, session.steps))
-            if not busy or (interrupted and steps - first > MOVING_STEPS):
+            if busy and interrupted and steps - first > MOVING_STEPS:
+                return
+            if not busy:
                 break
         time.sleep(0.7)  # until the page has shown it
 
