@@ -54,8 +54,9 @@ PROGRAMS = {
     "describe": Program(
         "language.__main__:run", "a name for each object of a scene: deixis describe --scene scene.yaml"
     ),
+    "hear": Program("language.__main__:run", "the words of a spoken sentence: deixis hear said.wav --scene scene.yaml"),
 }
-SHARED = ("parse", "describe")  # sub-commands of `python -m language`, which reads their names itself
+SHARED = ("parse", "describe", "hear")  # sub-commands of `python -m language`, which reads their names itself
 
 
 def main() -> int:

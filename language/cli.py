@@ -7,6 +7,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
@@ -15,9 +16,11 @@ from language.answers import CommandLine, as_text, error_as_text, grounded
 from language.describing import plain_name
 from language.errors import LanguageError
 from language.generator import KINDS, MAX_DEPTH, ReferringExpressions
+from language.hearing import Recogniser, read_sound
 from language.lexicon import count
 from language.sampling import Sample, sample
 from language.scene_file import NamedScene, as_entries, read_scene
+from language.speech_grammar import speech_grammar
 from language.splits import Split
 from language.understanding import understand
 from language.viewpoint import VIEWPOINTS, whose_left
@@ -33,6 +36,7 @@ examples:
   python -m language parse - --scene scene.yaml < sentences.txt
   python -m language describe --scene scene.yaml --all
   python -m language sample --n 5 --steps 3 --varied
+  python -m language hear said.wav --scene scene.yaml
   python -m language count
 
 scene.yaml is a list of objects; positions and sizes are in metres, x away from the robot, y to its left, z up:
@@ -72,6 +76,7 @@ def _arguments() -> argparse.ArgumentParser:
     _add_parse(_command(commands, "parse", parse_command, "the steps that a sentence asks for, or its error"))
     _add_describe(_command(commands, "describe", describe_command, "a name for each object of a scene"))
     _command(commands, "count", count_command, f"the number of sentences by depth, 0 to {MAX_DEPTH}")
+    _add_hear(_command(commands, "hear", hear_command, "the words of a spoken sentence, from a WAV file"))
     _add_sample(_command(commands, "sample", sample_command, "random sentences"))
     return parser
 
@@ -105,6 +110,11 @@ def _add_describe(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all", action="store_true", help="every phrase that names the object alone, with at most one relation"
     )
+
+
+def _add_hear(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sound", type=Path, help="WAV file: one channel of 16 bits at 16 kHz, 15 seconds at most")
+    _add_scene(parser, required=True)
 
 
 def _add_sample(parser: argparse.ArgumentParser) -> None:
@@ -188,6 +198,18 @@ def _names(index: int, name: str, expressions: ReferringExpressions, every: bool
         kinds = [kind for kind in KINDS if kind != "nested"]  # there are too many of them to list
         found["phrases"] = [str(phrase) for kind in kinds for phrase in expressions.all(kind, index)]
     return found
+
+
+def hear_command(options: argparse.Namespace) -> int:
+    """Print the words of a sound, among what can be said in a scene."""
+    named = _scene(options)
+    assert named is not None
+    words = Recogniser().hear(read_sound(options.sound), speech_grammar(named.scene))
+    if options.json:
+        _print_json({"heard": words})
+    else:
+        print(words)
+    return 0
 
 
 def count_command(options: argparse.Namespace) -> int:
