@@ -181,6 +181,7 @@ class SubtaskPlanner:
         for step in steps:
             moved = self._env.task.traits.grips and (step.carries or step.takes)
             by_expert = moved and (step.object in raised or not self._does(step))
+            by_expert |= step is steps[0] and self._empties_gripper(steps)
             table = _Table(self._env)
             moves += moves_of([step], places, range(len(places)), table, hold=table.hold) if by_expert else [None]
             if step.place is not None:
@@ -223,6 +224,12 @@ class SubtaskPlanner:
         if step.carries:
             return verb.effect in ("goal", "on", "hand") and (verb.act is not Act.NEVER or step.verb == self.verb)
         return step.verb == self.verb or (step.takes and verb.act in (Act.TAKE, Act.HOLD))
+
+    def _empties_gripper(self, steps: Sequence[Step]) -> bool:
+        """Whether the first step lays aside what is held, for something else: no object need mark its place."""
+        first = steps[0]
+        lays_aside = first.carries and first.goal is None and first.object == self._env.held
+        return lays_aside and any(step.object != first.object for step in steps)
 
     def _does(self, step: Step) -> bool:
         """Whether the task itself does a step: bring something onto the table, onto another object, or neither."""
@@ -354,7 +361,12 @@ class SubtaskPlanner:
     def _policy_phrase(self, phrase: ObjectPhrase | None, index: int, scene: Scene) -> ObjectPhrase:
         if self._env.task.points and not self._config.kinds:  # only the gesture tells the referent
             return ObjectPhrase(determiner="that")
-        if phrase is not None and (phrase.kind in self._config.kinds or self._env.task.points):
+        if self._env.task.points:  # words and gesture tell it together: as in training, "that" and what it looks like
+            said = phrase if phrase is not None and phrase.kind in self._config.kinds else None
+            thing = scene[index]
+            noun, color = (thing.noun, thing.color) if said is None else (said.noun, said.color)
+            return ObjectPhrase(noun, color, determiner="that")
+        if phrase is not None and phrase.kind in self._config.kinds:
             return phrase
         plain = room.plain_phrase(scene, index)  # as in an answer or a correction, which say no whole instruction
         if plain is not None and plain.kind in self._config.kinds:

@@ -14,18 +14,23 @@ MAX_STEPS = 60  # control steps of the way
 
 
 class Return:
-    """Brings the gripper back: straight up at first, so that it drags no object along."""
+    """Brings the gripper back: straight up at first, so that it drags no object along.
+
+    holds: (1,) whether the gripper is closed: it keeps what it held as the return began, and takes nothing on its way.
+    """
 
     def __init__(self, env: InteractiveEnv) -> None:
         """low: metres below which the gripper goes straight up; over a board, where stacks end."""
         self._env = env
         self._steps = 0
+        self.holds = np.zeros(1, bool)
         self._low = min(float(env.rest_position[2]), env.config.workspace.gripper_box[-1]) - NEAR / 2
         self._low = self._low if env.task.traits.stacks else LOW
 
     def start(self) -> None:
         """Starts the return, unless the gripper is at rest already."""
         self._steps = 0 if self._is_there() else MAX_STEPS
+        self.holds = np.array([self._env.held is not None])
 
     def skip(self) -> None:
         """Leaves the gripper where it is."""

@@ -476,7 +476,7 @@ class Session:
         if self._subtask is None and not self._goes_home:
             return self.env.hold_action()
         if self._actor is None:
-            return self.env.towards(self._return.next_position()[None])
+            return self.env.towards(self._return.next_position()[None], self._return.holds)
         output = self._actor(self._state.exclude("privileged"))
         self.view.attention = attention_of(output)
         self._compare(output["action"])

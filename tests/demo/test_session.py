@@ -125,6 +125,60 @@ def test_a_gesture_policy_reaches_the_object_that_is_pointed_at(task):
     session.close()
 
 
+def test_a_gesture_policy_hears_words_of_its_training_for_what_the_finger_and_people_s_words_single_out():
+    session = Session(make_config(task="nl_reach_gesture"), seed=5)
+    thing = session.scene()[0]
+    heard = f"reach that {thing.color} {thing.noun}"
+    session.point_at(thing.position)
+    session.say("reach this")
+    assert session.view.policy_sentence == heard
+    session.point_at(thing.position)
+    session.go_where_pointed()
+    assert session.view.policy_sentence == heard
+    session.say(f"no, {session.object_names()[1]}")
+    session.say(f"no, {session.object_names()[0]}")
+    assert session.view.policy_sentence == heard
+    session.close()
+
+
+def carry(session, names):
+    """Says to bring the first object to the first target; returns the control steps until the gripper holds it."""
+    session.say(f"pick {names[0]} and place it to the same position as {names[2]}")
+    for step in range(60):
+        if session.env.held is not None:
+            return step
+        session.step()
+    raise AssertionError(session.view.status)
+
+
+def test_a_correction_lays_aside_what_is_held_and_leaves_the_targets_where_they_are(placing):
+    placing.shuffle(7)
+    order = np.argsort(placing.scene().targets, kind="stable").tolist()  # two objects, then two targets
+    names, places = [placing.object_names()[index] for index in order], placing.scene().positions[order]
+    carry(placing, names)
+    placing.say(f"no, {names[1]}")
+    assert run_to_end(placing).startswith("Done")
+    after = placing.scene().positions[order]
+    assert np.allclose(after[2:], places[2:], atol=1e-6)
+    assert np.linalg.norm(after[1] - places[2]) < placing.env.config.task.radius
+    assert after[0, 2] < 0.03
+
+
+def test_on_its_way_back_the_gripper_takes_nothing(placing):
+    placing.shuffle(7)
+    order = np.argsort(placing.scene().targets, kind="stable").tolist()
+    names = [placing.object_names()[index] for index in order]
+    steps = carry(placing, names)
+    placing.shuffle(7)
+    placing.say(f"pick {names[0]} and place it to the same position as {names[2]}")
+    for _ in range(steps - 1):
+        placing.step()
+    placing.say(f"no, {names[1]}")
+    for _ in range(15):  # the gripper had begun to close
+        placing.step()
+        assert placing.env.held is None
+
+
 @pytest.mark.slow
 def test_an_unreachable_pointing_target_changes_nothing(reaching):
     rng, person = np.random.default_rng(0), np.array([1.5, -0.15, 0.4])
