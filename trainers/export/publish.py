@@ -1,12 +1,14 @@
 """Publish a run's policy: `python -m trainers.export.publish <run dir> pretrained/<name>`.
 
 Writes the last policy, without the state that only training needs, as policy.safetensors, and its card as README.md.
-Evaluate it with `python evaluate.py checkpoint=pretrained/<name>`.
+Evaluate it with `python evaluate.py checkpoint=pretrained/<name>`; `python -m benchmarks.page_policies <name>` judges
+it through the page, and its `--cards` adds both figures to the card.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -20,8 +22,9 @@ from trainers.export import policy_file
 from trainers.reports.scores import result_of, time_to_level
 from trainers.run import checkpoint
 from trainers.sweeps.runs import RunRecord, command_line, find_runs, overrides_of, share_cell
-from trainers.utils.files import atomic_directory
+from trainers.utils.files import atomic_directory, atomic_path
 
+CARD = "README.md"
 MAX_BYTES = 1_000_000  # of a file, so that it can be kept in a repository
 USAGE = "give a run and a new directory: python -m trainers.export.publish <run dir> pretrained/<name>"
 CARD_GROUPS = ("robot", "control", "workspace", "task", "algo", "policy")
@@ -60,7 +63,23 @@ def _files(folder: Path, place: Path) -> dict[str, bytes]:
         )
     payload["config"] = config = _without_resume(payload["config"])
     words = [*overrides_of(config), f"seed={config['seed']}"]
-    return {policy_file.NAME: policy_file.pack(payload, checkpoint.FORMAT), "README.md": _card(run, place, words)}
+    return {policy_file.NAME: policy_file.pack(payload, checkpoint.FORMAT), CARD: _card(run, place, words)}
+
+
+def write_section(place: Path, heading: str, text: str) -> None:
+    """Write a section of a card, in place of the one with this heading, else before the config.
+
+    Raises ConfigError for a directory without a card.
+    """
+    path = place / CARD
+    try:
+        parts = re.split(r"^(?=## )", path.read_text("utf-8"), flags=re.MULTILINE)
+    except OSError:
+        raise ConfigError(f"{place} has no {CARD}: publish a policy there first") from None
+    kept = [part for part in parts if not part.startswith(f"## {heading}\n")]
+    kept.insert(1, f"## {heading}\n\n{text.rstrip()}\n\n")
+    with atomic_path(path) as temporary:
+        temporary.write_text("".join(kept), "utf-8")
 
 
 def _finished(folder: Path) -> RunRecord:
@@ -104,6 +123,7 @@ that the task does not move.
 {_kinds(final.get("by_kind", {}))}
 ```
 python evaluate.py checkpoint={place.as_posix()}   # evaluates it on other episodes
+python -m benchmarks.page_policies {place.name}   # judges it through the page of play.py
 {command_line(words)}   # trains it
 ```
 
