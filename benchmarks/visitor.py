@@ -48,6 +48,7 @@ VERDICTS = {
     "answered": "a true answer",
     "asked": "a question that was right to ask",
     "refused": "a refusal that names the true reason, or the words that were not understood, and what can be said",
+    "failed": "the right plan, which the arm did not carry out, as the page says",
     "unhelpful": "a refusal, answer or question that leaves the visitor where they were",
     "wrong": "another motion, a part of what was asked for, or a false statement",
 }
