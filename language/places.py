@@ -416,6 +416,9 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         return _shifts(world, mover, (replace(relation, name="direction", value=region.sides[0]),), False)
     if relation.name in ("toward", "away", "farthest") and region.kind == "person" and world.hand is not None:
         return [_along(world, mover, world.hand, relation, "the place near your hand")]
+    if relation.name == "toward" and region.kind == "person":  # who stands opposite the robot
+        value = "backward" if world.viewpoint == "human" else "forward"
+        return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value=value),), False)
     if relation.name in ("toward", "to") and region.kind == "robot":
         return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value="backward"),), False)
     if relation.name in ("away", "farthest") and region.kind == "robot" and not alone:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from language import Answer, Dialogue, Object, Plan, Question, Refusal, board
+from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, board
 from language.talk import name, said, where
 from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, RED, YELLOW
 from tests.helpers.room_cases import room as small_room
@@ -172,3 +172,10 @@ def test_who_is_near_depends_on_whose_view_is_meant(viewpoint, first, last):
     world = board(BLOCKS, viewpoint=viewpoint)
     assert first in where(world, 0)
     assert last in where(world, 1)
+
+
+@pytest.mark.parametrize("viewpoint", ["human", "robot"])
+def test_closer_to_me_is_away_from_the_robot_where_no_hand_is_held_out(viewpoint):
+    scene = Scene([Object("cube", "gray", (0.44, 0.1, 0.025)), Object("cube", "green", (0.44, -0.1, 0.025))], viewpoint)
+    step = Dialogue().answer("put the gray cube 5 cm closer to me", scene).steps[-1]
+    assert step.place == pytest.approx((0.49, 0.1), abs=0.01)
