@@ -135,8 +135,8 @@ def section(name: str, result: dict[str, Any]) -> str:
 |---|---|---|
 {lines}
 
-Of {page["disagreements"]} instructions the page said something else than the simulator. Measured on {result["date"]}
-with commit {result["commit"]}; what the circumstances are: benchmarks/page_policies.py.
+Page and simulator disagreed about {page["disagreements"]} instructions. Measured on {result["date"]} with commit
+{result["commit"]}; benchmarks/page_policies.py tells what the circumstances are.
 
 ```
 python -m benchmarks.page_policies {name} --count {count} --seed {seeds[0]} --seeds {len(seeds)}
