@@ -21,12 +21,12 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.results import rows
-from benchmarks.voices import VOICES
 from demo.session import Session
 from demo.session_config import make_config
 from language import LanguageError, Outcome, Plan
 from language.hearing import RATE, Recogniser, Sound
 from language.speech_grammar import speech_grammar
+from language.voices import VOICES
 from trainers.evaluation.evaluation import wilson
 
 TASKS = ("nl_reach", "nl_pick_and_place", "anything")
@@ -65,7 +65,7 @@ def planned(outcome: Outcome) -> tuple[Any, ...]:
     """Return what an outcome comes to, to compare two of them."""
     if isinstance(outcome, Plan):
         return tuple((step.verb, step.object, step.goal, step.place) for step in outcome.steps)
-    return type(outcome).__name__, outcome.text
+    return type(outcome).__name__, getattr(outcome, "text", "")
 
 
 def with_noise(sound: Sound, snr: float, rng: Generator) -> Sound:

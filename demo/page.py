@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from core.overrides import groups
 from demo.conversation import Conversation, Entry, entry_of
 from demo.guarded_server import PageParts
+from demo.hearing_panel import HearingPanel
 from demo.real_time_loop import RealTimeLoop
 from demo.recording_panel import RecordingPanel
 from demo.scene_view import SceneView
@@ -29,6 +30,7 @@ from demo.tab_messages import (
     Change,
     Click,
     ExportEpisodes,
+    Hear,
     Hover,
     MoveHand,
     MoveObject,
@@ -90,6 +92,7 @@ class Page:
         self._scenery = Scenery(self._scene_view)
         self._recording = RecordingPanel(parts.state, parts.files, Path.cwd(), self._note)
         self._sight = SightPanel(parts.state, load_network)
+        self._hearing = HearingPanel(parts.state)
         self._sharing = SharingPanel(parts.state, parts.files, self._note)
         if scene is not None:
             self._begin_scene(session, scene)
@@ -104,6 +107,8 @@ class Page:
         match message:
             case Say(text=text):
                 ask(lambda session: self._hear(session, text.strip()))
+            case Hear(pcm=pcm, rate=rate):
+                ask(lambda session: self._hearing.take(session, tab, pcm, rate), f"sound {tab.number}")
             case Preview(text=text):
                 ask(lambda session: self._preview(session, tab, text.strip()), f"preview {tab.number}")
             case Hover(at=at):
@@ -487,8 +492,9 @@ class Page:
         self._state.put("sayable", list(dict.fromkeys((*self._sharing.sentences, *session.sayable()))))
 
     def close(self) -> None:
-        """Ends and saves a video that is being recorded."""
+        """Ends and saves a video that is being recorded, and ends the process that hears."""
         self._recording.save()
+        self._hearing.close()
 
 
 def place_in_words(place: Array) -> str:

@@ -11,6 +11,7 @@ import msgspec
 
 MAX_TEXT = 2000  # characters of a typed text
 MAX_CODE = 60_000  # characters of a link
+MAX_SOUND = 20 * 16_000 * 2  # bytes: 20 seconds, of which 15 are heard
 MIN_SPEED = 0.1  # of the clock; 1 is real time
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 Name = Annotated[str, msgspec.Meta(max_length=100)]
@@ -26,6 +27,13 @@ class Say(TabMessage, tag="say"):
     """A sentence, or a button that says one."""
 
     text: Text
+
+
+class Hear(TabMessage, tag="hear"):
+    """A spoken sentence. pcm: 16-bit samples. rate: samples a second."""
+
+    pcm: Annotated[bytes, msgspec.Meta(max_length=MAX_SOUND)]
+    rate: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]
 
 
 class Preview(TabMessage, tag="preview"):
@@ -121,7 +129,20 @@ class Change(TabMessage, tag="change"):
 
 
 SETTINGS = SetDriver | SetViewpoint | SetFlag | SetSpeed | SetCamera
-KINDS = Say | Preview | Click | Nudge | MoveObject | Hover | MoveHand | Change | OpenScene | ExportEpisodes | SETTINGS
+KINDS = (
+    Say
+    | Hear
+    | Preview
+    | Click
+    | Nudge
+    | MoveObject
+    | Hover
+    | MoveHand
+    | Change
+    | OpenScene
+    | ExportEpisodes
+    | SETTINGS
+)
 
 
 class KindsCheck:
@@ -150,4 +171,4 @@ class TabCheck(KindsCheck):
         super().__init__(KINDS)
 
     def is_press(self, message: Any) -> bool:
-        return isinstance(message, Say | Click | Nudge | MoveObject | Change | OpenScene | ExportEpisodes)
+        return isinstance(message, Say | Hear | Click | Nudge | MoveObject | Change | OpenScene | ExportEpisodes)

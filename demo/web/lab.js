@@ -9,15 +9,15 @@ const MOVES = [
   ["left", "←", "to your left"], ["away", "↑", "away from you"], ["near", "↓", "towards you"], ["right", "→", "to your right"],
 ];
 
-/** send: sends a message of this tab. */
+/** send: sends a message of this tab. speech: has a part of its own. */
 export class Lab {
-  constructor(panel, send) {
+  constructor(panel, send, speech) {
     this.panel = panel;
     this.send = send;
     this.plot = new Plot();
     panel.append(
       make("h2", {}, "Lab"), this.buildThinking(), this.buildComparison(), this.buildRewards(), this.buildClock(),
-      this.buildSight(), this.buildObjects(), this.buildHand(), this.buildRecord(), this.buildChoice());
+      this.buildSight(), this.buildObjects(), this.buildHand(), speech.build(), this.buildRecord(), this.buildChoice());
   }
 
   // ---- What the policy thinks

@@ -6,6 +6,7 @@ import { find, make, setOptions, setText } from "./dom.js";
 import { Lab } from "./lab.js";
 import { SceneFrame } from "./scene.js";
 import { Socket } from "./socket.js";
+import { Speech } from "./speech.js";
 
 const number = [...crypto.getRandomValues(new Uint8Array(8))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const send = (action, fields) => socket.send(action, fields);
@@ -16,13 +17,17 @@ const conversation = new Conversation(find("log"), (offer) => {
   say(offer);
   find("say").focus();
 });
-const lab = new Lab(find("lab"), send);
+const speech = new Speech(box, send);
+const lab = new Lab(find("lab"), send, speech);
+let read = -1; // number of the newest entry that was read aloud
 
 const DRIVERS = { policy: "Trained policy", expert: "Scripted expert", hand: "You" };
 const SHOW = {
   status: showStatus,
   choice: showChoice,
   sayable: showSayable,
+  speech: (shown) => speech.show(shown),
+  heard: (heard) => speech.heard(heard),
   preview: (preview) => box.showPreview(preview),
   lab: (shown) => lab.showLab(shown),
   clock: (clock) => lab.showClock(clock),
@@ -43,9 +48,21 @@ const SHOW = {
 
 function onSections(sections) {
   for (const [name, value] of Object.entries(sections)) {
-    if (name.startsWith("entry ")) conversation.show(name, value);
-    else SHOW[name]?.(value);
+    if (name.startsWith("entry ")) {
+      conversation.show(name, value);
+      readAloud(name, value);
+    } else {
+      SHOW[name]?.(value);
+    }
   }
+}
+
+/** Read what the robot answers, each entry once; not those of before the page was opened. */
+function readAloud(name, entry) {
+  const number = Number(name.split(" ")[1]);
+  if (!entry || number <= read) return;
+  read = number;
+  if (document.body.dataset.ready) speech.read(entry.text || entry.understood);
 }
 
 function onState(connected) {

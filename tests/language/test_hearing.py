@@ -31,7 +31,7 @@ def recogniser():
 @pytest.fixture(scope="module")
 def voice():
     pytest.importorskip("espeakng_loader", reason="espeak-ng, of the extra `test`, is not installed")
-    from benchmarks.voices import espeak
+    from language.voices import espeak
 
     return espeak("en-us+f2")
 
