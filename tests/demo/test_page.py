@@ -144,7 +144,7 @@ def test_the_sentences_of_a_new_scene_are_offered_when_it_is_told(page):
     page.tab.evaluate(NOTE_OFFERS)
     for count in (1, 2, 3):
         page.say("hello")  # without another entry between, the same note is not told twice
-        page.wait_for_turn("Say what I shall do next")
+        page.wait_for_turn("Hello! I am a robot arm")
         page.press("New scene")
         page.tab.wait_for_function("count => window.offered.length === count", arg=count)
         offered = page.tab.evaluate("window.offered.at(-1)")
