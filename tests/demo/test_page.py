@@ -194,5 +194,5 @@ def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_
     assert page.say_and_wait(example) == "Done"
     page.tab.get_by_label("the robot's left").check()
     page.wait_for_turn("left and right are the robot's")
-    page.say("reach the red cube")
+    page.say("reach " + re.search(r"the \w+ (?:cube|pyramid|block)", example)[0])
     page.wait_for_turn("moves nothing on a board")
