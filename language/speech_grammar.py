@@ -28,11 +28,6 @@ SPOTS = (
     "a bit to the right", "in the middle", "in the back left corner", "in the back right corner",
     "in the front left corner", "in the front right corner",
 )  # fmt: skip
-FURTHER = {  # verb -> templates that are spoken besides its own
-    "pick_and_place": ("put {object} {goal}", "move {object} {goal}", "put {object} on {base}"),
-    "put_in": ("put {object} inside {base}",),
-    "put_down": ("put down {object}", "put {object} down", "drop {object}", "release {object}"),
-}
 OPENED, STORED = (Act.OPEN, Act.SHUT), ("in", "out")  # acts and effects that need a drawer or a fridge
 SPELLINGS = ("grey",)  # that sound like another word of the table
 WORD = re.compile(r"(?<![<\w])[a-z][a-z']*(?![>\w])")
@@ -124,13 +119,13 @@ class SceneGrammar:
         Those that differ in what is before the object are one, which keeps the recogniser's graph small.
         """
         begins: dict[str, dict[str, None]] = {}
-        for name in dict.fromkeys((*verbs, *FURTHER)):
+        for name in dict.fromkeys((*verbs, *(name for name, verb in KNOWN.items() if verb.spoken))):
             verb = KNOWN[name]
             if not self._has_object(verb):
                 continue
             slot = verb.noun or ("box" if verb.act in OPENED else "thing")
             base = "<box>" if verb.effect in STORED else "<thing>"
-            for template in (*verb.templates, *FURTHER.get(name, ())):
+            for template in (*verb.templates, *verb.spoken):
                 before, after = template.split(OBJECT)
                 rest = f"<{slot}>{after}".replace(BASE, base).replace(GOAL, "<goal>")
                 begins.setdefault(rest, {})[before.strip()] = None

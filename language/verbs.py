@@ -64,6 +64,7 @@ class Verb:
         takes_every: whether its object may be "every red cube".
         act: what the planner does.
         words: further phrases that are only understood, separated by commas; the planner lets the scene decide.
+        spoken: further templates that a speech recogniser expects.
         noun: the device that it operates.
         need: what must hold in a room before it (`envs/tasks/feasible.py` computes each need); "": not done in rooms.
         pulls: what the verb does to a container that is its object without a place.
@@ -79,6 +80,7 @@ class Verb:
     takes_every: bool = False
     act: Act = Act.TOUCH
     words: str = ""
+    spoken: tuple[str, ...] = ()
     noun: str = ""
     need: str = ""
     pulls: Act | None = None
@@ -170,6 +172,7 @@ VERBS: dict[str, Verb] = {
             "bring back, take back, get back, kick, space, stage, station, "
             "placed, putted, putting, placing, moving, moved"
         ),
+        spoken=("put {object} {goal}", "move {object} {goal}", "put {object} on {base}"),
     ),
     "pick_and_rotate": Verb(
         (
@@ -346,6 +349,7 @@ VERBS: dict[str, Verb] = {
             "insert, put in, place in, drop in, pop in, tuck away, save, cool, chill, refrigerate, lock away, "
             "put inside, shelve"
         ),
+        spoken=("put {object} inside {base}",),
     ),
     "take_out": Verb(
         ("take {object} out of {base}", "remove {object} from {base}"),
@@ -438,6 +442,7 @@ FURTHER: dict[str, Verb] = {  # only understood
             "hand, "
             "open your gripper, open the gripper, open your fingers, bring down"
         ),
+        spoken=("put down {object}", "put {object} down", "drop {object}", "release {object}"),
     ),
     "empty": Verb(
         act=Act.EMPTY, words="empty, clear out, empty out, clean out, unload, remove everything from, vacate"

@@ -23,6 +23,7 @@ ALSO_WORDS = {
     "swap",
     "empty",
     "build",
+    "unstack",
 }  # plain words
 
 
