@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -30,6 +31,7 @@ from trainers.sweeps.arguments import expand_resume, register_resolvers
 if TYPE_CHECKING:
     from envs.config import EnvConfig
     from envs.workspace_env import WorkspaceEnv
+    from trainers.config import TrainingConfig
 
 
 SWEEP_ENDED = (
@@ -80,8 +82,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.run.progress import Progress
     from trainers.run.requirements import check_start
 
-    choose_compilation(config)
-    env_config, training = read_env(config), read_training(config)
+    env_config, training = read_env(config), choose_compilation(config, read_training(config))
     check_start(training, folder)
     if uses_processes(training.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
@@ -112,16 +113,22 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
             )
 
 
-def choose_compilation(config: Any) -> None:
-    """Replace algo.compile=auto by the choice for this run, which holds where it is resumed, too."""
-    from trainers.algorithms.settings import ReplayConfig
-    from trainers.config import PixelsConfig, read_training
+def choose_compilation(config: Any, training: TrainingConfig) -> TrainingConfig:
+    """Return the settings of a run with the choice in place of algo.compile=auto.
 
-    training = read_training(config)
-    if isinstance(training.algo, ReplayConfig) and not isinstance(training.policy, PixelsConfig):
-        choice = training.algo.choose_compilation(training.run.total_frames, training.run.device)
-        if choice != training.algo.compile:
-            config.algo.compile = choice
+    It is written to the config, too, so that it holds where the run is resumed.
+    """
+    from trainers.algorithms.settings import ReplayConfig
+    from trainers.config import PixelsConfig
+
+    algo = training.algo
+    if not isinstance(algo, ReplayConfig) or isinstance(training.policy, PixelsConfig):
+        return training
+    choice = algo.choose_compilation(training.run.total_frames, training.run.device)
+    if choice == algo.compile:
+        return training
+    config.algo.compile = choice
+    return replace(training, algo=replace(algo, compile=choice))
 
 
 def saved_config(config: Any) -> dict[str, Any]:

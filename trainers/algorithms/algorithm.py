@@ -17,7 +17,8 @@ from torch import Tensor, nn
 from torchrl.data import Composite, LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
 from core.errors import ConfigError, RunError
-from trainers.algorithms.settings import AlgorithmConfig, import_class
+from core.platform_tuning import fast_products
+from trainers.algorithms.settings import AlgorithmConfig, ReplayConfig, import_class
 from trainers.config import TrainingConfig
 from trainers.environment import DEFAULT_READERS, Readers, Relabel
 from trainers.models.critics import CriticBuilder
@@ -169,6 +170,52 @@ class Algorithm(ABC):
 
     def load_running_state(self, state: dict[str, Any]) -> None:  # noqa: B027
         """Continue from `running_state`, with the same worlds."""
+
+
+class ReplayAlgorithm(Algorithm):
+    """Takes `updates_per_frame` gradient steps for each collected frame, on frames that it has kept.
+
+    Attributes:
+        compiles: whether losses and gradients are compiled.
+        pending_steps: gradient steps that are due for the frames so far, and not taken yet.
+    """
+
+    def __init__(self, config: ReplayConfig, policy: Policy) -> None:
+        super().__init__(config, policy)
+        self.config = config
+        self.compiles = config.compile == "on"
+        self.pending_steps = 0.0
+
+    @property
+    def learned(self) -> list[Tensor]:
+        """The parameters of the optimizer."""
+        return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
+
+    def due_steps(self, frames: int) -> int:
+        """Return how many gradient steps are due after so many further frames; they are to be taken now."""
+        self.pending_steps += frames * self.config.updates_per_frame
+        steps, self.pending_steps = int(self.pending_steps), self.pending_steps % 1.0
+        return steps
+
+    def learn(self, steps: int) -> list[dict[str, Tensor]]:
+        """Take gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
+        if not steps:
+            return []
+        with fast_products(self.config.batch * max(each.numel() for each in self.learned)):
+            frames = self.sample(steps).split(self.config.batch)
+            pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
+            return [self.step(part, scenes) for part, scenes in pairs]
+
+    @abstractmethod
+    def sample(self, steps: int) -> TensorDictBase:
+        """Return the frames of `steps` batches in a row."""
+
+    @abstractmethod
+    def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
+        """Take one gradient step on frames (B,) and, where the words are supervised, on scenes (G,).
+
+        Return the measured scalars.
+        """
 
 
 class DivergedError(RunError):

@@ -15,10 +15,9 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
-from core.platform_tuning import fast_products
 from trainers.algorithms.algorithm import (
     GROUNDING_METRICS,
-    Algorithm,
+    ReplayAlgorithm,
     apply_gradients,
     averages,
     backward,
@@ -39,21 +38,19 @@ BOUND = 0.9999  # of a mean whose preimage is computed
 WIDTH = 0.1  # of a move: the loss is quadratic in smaller errors and linear in larger ones
 
 
-class BC(Algorithm):
+class BC(ReplayAlgorithm):
     """Collects with a mixture of policy and expert; learns from all frames collected so far."""
 
     metrics: tuple[str, ...] = ("loss/imitation", "expert_share", "updates", "lr", *GROUNDING_METRICS)
 
     def __init__(self, config: BCConfig, policy: Policy) -> None:
         super().__init__(config, policy)
-        self.config = config
+        self.config: BCConfig = config
         self.parameters = parameters(policy)
         self.optimizer = self.make_optimizer(self.parameters)
         self.mixture = ExpertMixture(policy)
         self.frames = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
-        self.compiles = config.compile == "on"
         self.gradients = loss_gradients(self.imitation_loss, self.parameters, self.compiles)
-        self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet
         context = [policy.context_key] if self.grounding.active else list(policy.encoder_keys)
         self.frame_keys = list(dict.fromkeys([*policy.actor_keys, *context]))
         with torch.no_grad():
@@ -93,8 +90,7 @@ class BC(Algorithm):
             begins = first_steps(batch, torch.ones_like(batch["next", "done"][:, :1, 0]))
             self.grounding.add(batch.select(*self.grounding.keys)[begins])
         self.frames.extend(self.labelled(batch.reshape(-1)))
-        self.pending_steps += batch.numel() * self.config.updates_per_frame
-        steps, self.pending_steps = int(self.pending_steps), self.pending_steps % 1.0
+        steps = self.due_steps(batch.numel())
         return averages(self.learn(steps)) | {"expert_share": share, "updates": float(steps), "lr": rate}
 
     def labelled(self, frames: TensorDictBase) -> TensorDictBase:
@@ -104,19 +100,13 @@ class BC(Algorithm):
             self.policy.encoder.select_labelled(frames)
         return frames.select(*self.frame_keys).set("move", expert_move(frames, self.policy))
 
-    def learn(self, steps: int) -> list[dict[str, Tensor]]:
-        """Take gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
-        if not steps:
-            return []
-        with fast_products(self.config.batch * max(each.numel() for each in self.parameters)):
-            frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)
-            pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
-            return [self.step(part, scenes) for part, scenes in pairs]
+    def sample(self, steps: int) -> TensorDictBase:
+        return self.frames.sample(steps * self.config.batch)
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for the actor and, where the words are supervised, on scenes (G,)."""
         self.optimizer.zero_grad()
-        measured = self.gradients(frames)
+        measured = self.gradients.part(frames)()
         if scenes is not None:
             measured |= backward(self.grounding.measure(scenes), self.parameters, self.config.grounding_weight)
         check_loss(total_loss(measured), frames)

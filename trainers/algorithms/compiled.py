@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ import torch
 from tensordict import NestedKey, TensorDict, TensorDictBase
 from torch import Tensor
 
-from trainers.algorithms.algorithm import backward, one_thread, total_loss
+from trainers.algorithms.algorithm import Part, backward, one_thread, total_loss
 
 if TYPE_CHECKING:
     from torch.fx import GraphModule, Node
@@ -49,15 +49,14 @@ class LossGradients:
     def __init__(self, losses: Losses, parameters: Sequence[Tensor]) -> None:
         self._losses, self._parameters = losses, list(parameters)
 
-    def prepare(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> None:
-        """Do what is to be done once, for such arguments. No other thread may use torch meanwhile."""
+    def part(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> Part:
+        """Return the function that computes them; it may run beside other ones.
 
-    def __call__(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> dict[str, Tensor]:
-        """Return the measured scalars, and add the gradients.
+        What is to be done once for such arguments is done here. No other thread may use torch meanwhile.
 
         variant: tells apart what the losses compute for the same shapes.
         """
-        return backward(self._losses(frames, *tensors), self._parameters)
+        return lambda: backward(self._losses(frames, *tensors), self._parameters)
 
 
 class CompiledLosses(LossGradients):
@@ -77,30 +76,24 @@ class CompiledLosses(LossGradients):
         self._buffers = list(buffers)
         self._compiled: dict[Any, tuple[Function | None, list[str]]] = {}
 
-    def prepare(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> None:
-        self._function(frames, tensors, variant)
-
-    def __call__(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> dict[str, Tensor]:
-        function, names, values = self._function(frames, tensors, variant)
+    def part(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> Part:
+        keys = sorted(frames.keys(True, True), key=str)
+        values = [*(frames[key] for key in keys), *tensors]
+        shape = variant, tuple(keys), tuple(value.shape for value in values)
+        if shape not in self._compiled:
+            self._compiled[shape] = self._compile(keys, len(frames), values)
+        function, names = self._compiled[shape]
         if function is None:
-            return super().__call__(frames, *tensors, variant=variant)
+            return super().part(frames, *tensors, variant=variant)
+        return partial(self._run, function, names, values)
+
+    def _run(self, function: Function, names: list[str], values: list[Tensor]) -> dict[str, Tensor]:
         with one_thread():  # a second one gains little within a product, and waits if other processes are at work
             results = function(*values)
         for parameter, gradient in zip(self._parameters, results[len(names) :], strict=True):
             if gradient is not None:
                 parameter.grad = gradient if parameter.grad is None else parameter.grad + gradient
         return {name: value for name, value in zip(names, results, strict=False) if value is not None}
-
-    def _function(
-        self, frames: TensorDictBase, tensors: Sequence[Tensor], variant: object
-    ) -> tuple[Function | None, list[str], list[Tensor]]:
-        """Return the function for these shapes or None, the names of the scalars, and its arguments."""
-        keys = sorted(frames.keys(True, True), key=str)
-        values = [*(frames[key] for key in keys), *tensors]
-        shape = variant, tuple(keys), tuple(value.shape for value in values)
-        if shape not in self._compiled:
-            self._compiled[shape] = self._compile(keys, len(frames), values)
-        return *self._compiled[shape], values
 
     def _compile(self, keys: list[NestedKey], count: int, values: list[Tensor]) -> tuple[Function | None, list[str]]:
         """Return the function from the values to measured scalars and gradients, and the names of the scalars.

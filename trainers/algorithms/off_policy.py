@@ -12,11 +12,10 @@ from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 from torchrl.data import ReplayBuffer
 
-from core.platform_tuning import fast_products
 from trainers.algorithms.algorithm import (
     GROUNDING_METRICS,
-    Algorithm,
     Part,
+    ReplayAlgorithm,
     apply_gradients,
     averages,
     backward,
@@ -33,7 +32,7 @@ from trainers.algorithms.settings import OffPolicyConfig
 from trainers.models.policy import ExpertMixture, Policy, parameters
 
 
-class OffPolicyAlgorithm(Algorithm):
+class OffPolicyAlgorithm(ReplayAlgorithm):
     """Takes `updates_per_frame` gradient steps on replayed frames for each collected one.
 
     A subclass sets `optimizer` and defines `compute_losses` and, if it needs to, `after_step`.
@@ -53,7 +52,8 @@ class OffPolicyAlgorithm(Algorithm):
         relabel: Relabel | None = None,
     ) -> None:
         super().__init__(config, policy)
-        self.config, self.critic_keys = config, tuple(critic_keys)
+        self.config: OffPolicyConfig = config
+        self.critic_keys = tuple(critic_keys)
         self.actor_parameters = parameters(policy)
         self.replay = Replay(
             policy, critic_keys, capacity=config.buffer, device=self.device, supervised=self.grounding.active
@@ -63,10 +63,8 @@ class OffPolicyAlgorithm(Algorithm):
             self.demonstrations = ExpertFrames(
                 policy, critic_keys, config, device=self.device, supervised=self.grounding.active
             )
-        self.compiles = config.compile == "on"
         self.relabelling = Relabelling(relabel, config.hindsight)
         self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
-        self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet
         self.steps_taken = 0
 
     @property
@@ -107,8 +105,7 @@ class OffPolicyAlgorithm(Algorithm):
         starts = self.config.learning_starts if self.demonstrations is None else 0
         if len(self.replay) < max(starts, self.config.batch):
             return {"updates": 0.0}
-        self.pending_steps += batch.numel() * self.config.updates_per_frame
-        steps, self.pending_steps = int(self.pending_steps), self.pending_steps % 1.0
+        steps = self.due_steps(batch.numel())
         if not steps:
             return {"updates": 0.0}
         counts = {"updates": steps, "relabelled": sum(len(episode) for episode in relabelled)}
@@ -118,11 +115,6 @@ class OffPolicyAlgorithm(Algorithm):
         """Return what the critic reads of frames (B,) beside the move."""
         return [frames[key] for key in self.critic_keys]
 
-    @property
-    def learned(self) -> list[Tensor]:
-        """The parameters of the optimizer."""
-        return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
-
     def add_batch_scenes(self, batch: TensorDictBase, relabelled: Sequence[TensorDictBase]) -> None:
         """Keep the scenes of episodes that begin in a batch (worlds, steps), and those of relabelled episodes."""
         done = batch["next", "done"][..., 0]
@@ -131,13 +123,6 @@ class OffPolicyAlgorithm(Algorithm):
         for scenes in (batch[begins], *(episode[:1] for episode in relabelled)):
             if self.grounding.active and len(scenes):
                 self.grounding.add(scenes.select(*self.grounding.keys))
-
-    def learn(self, steps: int) -> list[dict[str, Tensor]]:
-        """Take gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
-        with fast_products(self.config.batch * max(each.numel() for each in self.learned)):
-            frames = self.sample(steps).split(self.config.batch)
-            pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
-            return [self.step(part, scenes) for part, scenes in pairs]
 
     def sample(self, steps: int) -> TensorDictBase:
         """Return the frames of `steps` batches in a row; half of each are demonstrations, where there are any."""
@@ -163,12 +148,11 @@ class OffPolicyAlgorithm(Algorithm):
 
     def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
         """Return the parts of a gradient step, the longest first. Each measures losses and adds their gradients."""
-
         if not self.compiles:
             self.encode(frames)
 
         def whole() -> dict[str, Tensor]:
-            measured = self._gradients(frames, variant=self.variant)
+            measured = self._gradients.part(frames, variant=self.variant)()
             return measured if scenes is None else measured | self.descend_grounding(scenes)
 
         return [whole]

@@ -78,12 +78,10 @@ class SAC(OffPolicyAlgorithm):
         if not self.compiles:
             self.encode(frames)
         later, present = draw_noise(frames), draw_noise(frames)  # not in the parts, which run in any order
-        self.critic_gradients.prepare(frames, later)
-        self.actor_gradients.prepare(frames, present)
         return [
             *([] if scenes is None else [partial(self.descend_grounding, scenes)]),
-            partial(self.critic_gradients, frames, later),
-            partial(self.actor_gradients, frames, present),
+            self.critic_gradients.part(frames, later),
+            self.actor_gradients.part(frames, present),
         ]
 
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:

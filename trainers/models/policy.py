@@ -133,7 +133,7 @@ class Policy(nn.Module):
 
         traced: take the same operations whatever the words are.
         """
-        words = (self.encoder.encode_all_words if traced else self.encoder.encode_words)(frames["instruction"])
+        words = self._words(frames, traced)
         return self._write(frames, self.encoder.attend(words, *(frames[key] for key in self.encoder.scene_keys)))
 
     def encode_transition(self, before: TensorDictBase, after: TensorDictBase, traced: bool = False) -> None:
@@ -143,10 +143,14 @@ class Policy(nn.Module):
 
         traced: take the same operations whatever the words are.
         """
-        words = (self.encoder.encode_all_words if traced else self.encoder.encode_words)(before["instruction"])
+        words = self._words(before, traced)
         self._write(before, self.encoder.attend(words, *(before[key] for key in self.encoder.scene_keys)))
         with torch.no_grad():
             self._write(after, self.encoder.attend(words, *(after[key] for key in self.encoder.scene_keys)))
+
+    def _words(self, frames: TensorDictBase, traced: bool) -> Tensor:
+        encode = self.encoder.encode_all_words if traced else self.encoder.encode_words
+        return encode(frames["instruction"])
 
     def _write(self, frames: TensorDictBase, values: tuple[Tensor, ...]) -> TensorDictBase:
         for key, value in zip(self.encoder.out_keys, values, strict=True):
