@@ -14,7 +14,7 @@ from torch import Tensor
 from core.cameras import Camera, CameraFrame
 from envs.perception.assignment import assignment
 from envs.perception.detections import NOUN_NAMES, Detections, View
-from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
+from envs.perception.network import CELL, HEIGHT_UNIT, PART, SIZE_UNIT, SightNetwork, camera_numbers, folded
 from envs.perception.poses import CUBE, LEVER, WHEEL, wheel_shares, wrapped
 from envs.perception.tracking import QUARTER
 from envs.perception.weights_file import load
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 MOST = 64  # cells of one picture that may be the middle of a thing
 ALIKE, OTHER = 4.5, 2.5  # pixels within which cells tell of one thing: of the same colour, and of another
 FAINT = 0.15  # presence in one picture from which a thing is looked for in the others
+FAINT_HEAT = np.log(FAINT / (1 - FAINT))  # the network's number of that presence
 PRESENT = 0.35  # presence from which one picture alone is believed
 SAME = 0.02  # metres within which one camera sees one thing, whatever it looks like
 GATE = 25.0  # square of the Mahalanobis distance up to which two cameras may see the same thing
@@ -65,59 +66,72 @@ class SightDetector:
 
 def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     """Return what the network's numbers (1, WIDTH, h, w) of one picture tell."""
-    cells = SightCells.of(out)
-    heat = cells["heat"][0, 0].sigmoid()
-    presence, places = heat.flatten().topk(min(MOST, heat.numel()))
-    places = places[presence > FAINT]
+    cells: NDArray[np.float32] = out[0].flatten(1).numpy()
+    heat = cells[PART["heat"]][0]
+    places = np.flatnonzero(heat > FAINT_HEAT)
+    places = places[np.argsort(-heat[places], kind="stable")[:MOST]]
     if not len(places):
         return Detections.none()
-    middles = torch.stack((places % heat.shape[1], places // heat.shape[1]), 1) + 0.5
-    rows = out[0].flatten(1)[:, places].T.double()
-    kept = _apart(SightCells.of(rows[..., None, None]), middles)
-    presence, middles, numbers = presence[: len(places)][kept], middles[kept], SightCells.of(rows[kept, :, None, None])
-    pixels = ((middles + numbers["offset"][:, :, 0, 0]) * CELL).numpy()
-    heights = numbers["height"][:, 0, 0, 0].numpy() * HEIGHT_UNIT
-    spread = numbers["spread"][:, :, 0, 0].clamp(-5.0, 2.0).exp().numpy() * np.sqrt(2.0)
-    nouns = numbers["noun"][:, :, 0, 0].softmax(1).numpy()
+    middles = np.stack((places % out.shape[3], places // out.shape[3]), 1) + 0.5
+    rows = cells[:, places].T.astype(np.float64)
+    pixels = CELL * (middles + rows[:, PART["offset"]])
+    kept = _apart(pixels, rows[:, PART["color"]].argmax(1))
+    pixels, numbers = pixels[kept], {name: rows[kept, part] for name, part in PART.items()}
+    heights = numbers["height"][:, 0] * HEIGHT_UNIT
+    spread = np.exp(numbers["spread"].clip(-5.0, 2.0)) * np.sqrt(2.0)
+    nouns = _softmax(numbers["noun"])
     positions, covariances = _placed(
         camera, frame, pixels=pixels, heights=heights, blur=spread[:, 0] * CELL, rise=spread[:, 1] * HEIGHT_UNIT
     )
     sight_yaw = np.arctan2(positions[:, 1] - frame.place[1], positions[:, 0] - frame.place[0])
-    turn = numbers["turn"][:, :, 0, 0].numpy()
+    turn = numbers["turn"]
     noun = nouns.argmax(1)
     full, quarter = np.arctan2(turn[:, 1], turn[:, 0]), np.arctan2(turn[:, 3], turn[:, 2]) / 4
     yaws = np.where(FACING[noun], wrapped(full + sight_yaw, 2 * np.pi), 0.0)
     yaws = np.where(noun == CUBE, wrapped(quarter + sight_yaw, QUARTER), yaws)
-    shares = numbers["share"][:, 0, 0, 0].numpy()
+    shares = numbers["share"][:, 0]
     # The handle of a wheel stands at `full`, and its mark at four times `quarter`.
     shares = np.where(noun == WHEEL, wheel_shares(full, 4 * quarter), shares)
     return Detections(
         positions=positions,
         covariances=covariances,
         nouns=nouns,
-        colors=numbers["color"][:, :, 0, 0].softmax(1).numpy(),
-        sizes=numbers["size"][:, 0, 0, 0].numpy() * SIZE_UNIT,
+        colors=_softmax(numbers["color"]),
+        sizes=numbers["size"][:, 0] * SIZE_UNIT,
         yaws=yaws,
         shares=np.clip(shares, 0.0, 1.0),
-        targets=numbers["target"][:, 0, 0, 0].sigmoid().numpy(),
-        presence=presence.double().numpy(),
+        targets=_sigmoid(numbers["target"][:, 0]),
+        presence=_sigmoid(numbers["heat"][:, 0]),
     )
 
 
-def _apart(numbers: SightCells, middles: Tensor) -> list[int]:
+def _apart(pixels: Array, colors: NDArray[np.int64]) -> list[int]:
     """Return which of M cells, most present first, tell of other things than those before them.
 
     Neighbouring cells tell of the same thing, or of two that overlap: then they tell of other middles or colours.
-    middles: (M, 2) of the cells, cells.
+    pixels: (M, 2) the middles that they tell of.
     """
-    pixels = (CELL * (middles + numbers["offset"][:, :, 0, 0])).numpy()
-    colors = numbers["color"][:, :, 0, 0].argmax(1).numpy()
+    gaps = np.linalg.norm(pixels[:, None] - pixels[None], axis=-1)
+    same = gaps < np.where(colors[:, None] == colors[None], ALIKE, OTHER)
+    return _firsts(same)
+
+
+def _firsts(same: NDArray[np.bool_]) -> list[int]:
+    """Return those of M things that are the same as none of those that were kept before them. same: (M, M)."""
     kept: list[int] = []
-    for k in range(len(pixels)):
-        gaps = np.linalg.norm(pixels[kept] - pixels[k], axis=1)
-        if not (gaps < np.where(colors[kept] == colors[k], ALIKE, OTHER)).any():
+    for k in range(len(same)):
+        if not same[k, kept].any():
             kept.append(k)
     return kept
+
+
+def _softmax(numbers: Array) -> Array:
+    shares = np.exp(numbers - numbers.max(1, keepdims=True))
+    return shares / shares.sum(1, keepdims=True)
+
+
+def _sigmoid(numbers: Array) -> Array:
+    return 1 / (1 + np.exp(-numbers))
 
 
 def _placed(
@@ -230,14 +244,11 @@ def _stacked(*parts: Detections) -> Detections:
 def _distinct(found: Detections) -> Detections:
     """Drop what is another finding of the same thing, less present."""
     order = np.argsort(-found.presence, kind="stable")
-    kept: list[int] = []
-    noun, color = found.nouns.argmax(1), found.colors.argmax(1)
-    for k in order.tolist():
-        gaps = np.linalg.norm(found.positions[kept] - found.positions[k], axis=1)
-        alike = (noun[kept] == noun[k]) & ((color[kept] == color[k]) | UNIQUE[noun[k]])
-        if not (gaps < np.where(alike, WIDE[noun[k]], SAME)).any():
-            kept.append(k)
-    return found[np.array(sorted(kept), int)]
+    noun, color, positions = found.nouns.argmax(1)[order], found.colors.argmax(1)[order], found.positions[order]
+    gaps = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    alike = (noun[:, None] == noun) & ((color[:, None] == color) | UNIQUE[noun][:, None])
+    kept = _firsts(gaps < np.where(alike, WIDE[noun][:, None], SAME))
+    return found[np.sort(order[kept])]
 
 
 def load_detector(weights: str | Path | None = None) -> SightDetector:

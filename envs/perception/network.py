@@ -9,7 +9,6 @@ so that the same weights serve cameras in other poses.
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -38,6 +37,8 @@ HEADS = {  # name -> numbers that a cell has of it
     "share": 1,
 }
 WIDTH = sum(HEADS.values())
+_ENDS = np.cumsum(list(HEADS.values())).tolist()
+PART = {name: slice(end - width, end) for (name, width), end in zip(HEADS.items(), _ENDS, strict=True)}  # channels
 
 
 def sight(cameras: Tensor, cells: tuple[int, int]) -> Tensor:
@@ -82,7 +83,7 @@ class SightNetwork(nn.Module):
         self.coarse = nn.Sequential(_convolution(c, d, 3, 2), _Block(d), _Block(d))
         self.up_coarse, self.up_middle = nn.Conv2d(d, c, 1), nn.Conv2d(c, b, 1)
         self.join_middle, self.join_fine = _Block(c), _convolution(b, c, 3, 1)
-        self.heads = nn.Sequential(nn.Conv2d(c, c, 1), nn.ReLU(), nn.Conv2d(c, WIDTH, 1))
+        self.heads = nn.Sequential(nn.Conv2d(c, c, 1), nn.ReLU(inplace=True), nn.Conv2d(c, WIDTH, 1))
         with torch.no_grad():
             self.heads[-1].bias.zero_()  # type: ignore[union-attr, operator]
             self.heads[-1].bias[0] = -4.0  # type: ignore[index, operator]
@@ -104,8 +105,8 @@ def _doubled(values: Tensor) -> Tensor:
 
 
 def _convolution(inputs: int, outputs: int, kernel: int, stride: int) -> nn.Sequential:
-    layers = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False), nn.BatchNorm2d(outputs), nn.ReLU()
-    return nn.Sequential(*layers)
+    convolution = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False)
+    return nn.Sequential(convolution, nn.BatchNorm2d(outputs), nn.ReLU(inplace=True))
 
 
 class _Block(nn.Module):
@@ -117,7 +118,7 @@ class _Block(nn.Module):
         self.second = nn.Sequential(nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels))
 
     def forward(self, values: Tensor) -> Tensor:
-        return functional.relu(values + self.second(self.first(values)))
+        return functional.relu_(values + self.second(self.first(values)))
 
 
 def folded(network: SightNetwork) -> SightNetwork:
@@ -129,17 +130,3 @@ def folded(network: SightNetwork) -> SightNetwork:
             if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
                 layers[i], layers[i + 1] = fuse_conv_bn_eval(convolution, norm), nn.Identity()
     return copied
-
-
-@dataclass(frozen=True)
-class SightCells:
-    """The network's numbers by their names, each (M, count, h, w)."""
-
-    values: dict[str, Tensor]
-
-    @classmethod
-    def of(cls, out: Tensor) -> SightCells:
-        return cls(dict(zip(HEADS, out.split(list(HEADS.values()), dim=1), strict=True)))
-
-    def __getitem__(self, name: str) -> Tensor:
-        return self.values[name]

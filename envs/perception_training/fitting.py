@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork
+from envs.perception.network import CELL, HEIGHT_UNIT, PART, SIZE_UNIT, SightNetwork
 from envs.perception.poses import CUBE, LEVER, WHEEL, wheel_starts
 from envs.perception_training.scenes import LABEL, SEEN, Pictures
 from language import FITTINGS, NOUNS
@@ -54,7 +54,7 @@ def targets(labels: Tensor, cells: tuple[int, int]) -> dict[str, Tensor]:
 
 def losses(out: Tensor, labels: Tensor) -> dict[str, Tensor]:
     """Return the terms of the loss by name, before their weights. out: (M, WIDTH, h, w). labels: as in `targets`."""
-    cells = SightCells.of(out.float())
+    cells = {name: out[:, part].float() for name, part in PART.items()}
     size = (out.shape[2], out.shape[3])
     wanted = targets(labels, size)
     weight, label = wanted["weight"], {name: wanted["label"][..., i] for i, name in enumerate(LABEL)}
