@@ -2,22 +2,25 @@
 
     python -m benchmarks.eyes --episodes 200
     python -m benchmarks.eyes --episodes 200 --checkpoint nl_pick_and_place_kuka --only "noise, sd 15 of 255"
+    python -m benchmarks.eyes --told --episodes 400
     python -m benchmarks.eyes --time
 
 Each condition changes one thing, by at least as much as the training varies it, and draws it anew in each episode.
-Cameras that moved are calibrated where they are, but for the last rows, where nobody noticed. `--time` prints the
-milliseconds that perception takes of a control step, without the pictures.
+Cameras that moved are calibrated where they are, but for the last rows, where nobody noticed. `--told` compares what a
+policy is told of its scene when an episode begins, after all cameras and the tracker, with what is there. `--time`
+prints the milliseconds that perception takes of a control step, without the pictures.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -25,7 +28,7 @@ import torch
 from core.cameras import CameraFrame, Light, project
 from core.overrides import apply, compose
 from envs.config import read_env
-from envs.mdp.perceived_worlds import Reader
+from envs.mdp.perceived_worlds import PerceivedWorlds, Reader
 from envs.perception.camera_reader import CameraReader, Gripper
 from envs.perception.detections import Detections, View, check_picture
 from envs.perception.detector import load_detector
@@ -34,6 +37,8 @@ from envs.perception_training.scenes import PLAIN, LookVariation, Texture, moved
 from envs.sim.appearance import Appearance
 from envs.workspace_env import WorkspaceEnv
 
+WORLDS = 10
+RGBA = slice(7, 11)  # columns of an object's row
 OCCLUDED = "a third of each object hidden"
 UNNOTICED = (("camera moved by 5 mm, unnoticed", 0.005, 0.0), ("camera turned by 0.5 degrees, unnoticed", 0.0, 0.5))
 
@@ -124,7 +129,7 @@ def evaluated(checkpoint: str, episodes: int, seed: int, **condition: Any) -> di
 
     saved = load(find(Path(checkpoint)))
     cfg = apply(saved["config"], ["perception=camera"])
-    with closing(ConditionedEnv(read_env(cfg).without_curriculum(), 10, seed, render=True)) as env:
+    with closing(ConditionedEnv(read_env(cfg).without_curriculum(), WORLDS, seed, render=True)) as env:
         return evaluate(env, fitted_policy(saved, cfg, env).act, episodes, seed).as_dict()
 
 
@@ -136,6 +141,50 @@ def conditions() -> list[tuple[str, dict[str, Any]]]:
     for name, shift, turn in UNNOTICED:
         rows.append((name, {"looks": replace(PLAIN, shift=shift, turn=turn), "unnoticed": True}))
     return rows
+
+
+def told(words: list[str], episodes: int, seed: int) -> dict[str, Any]:
+    """Compare the object rows of a policy at the start of episodes with the simulator's.
+
+    Things within a drawer or under a lid are left out: most cannot be seen.
+
+    Returns:
+        things: how many there are. median_mm, p95_mm: how far off the places are. noun, color: shares of those that are
+        told right among those that are told. missed, invented: shares of the things.
+    """
+    config = read_env(compose([*words, "perception=camera"])).without_curriculum()
+    counts: Counter[str] = Counter()
+    gaps: list[np.ndarray] = []
+    with closing(WorkspaceEnv(config, WORLDS, seed, render=True)) as env:
+        true, perceived = env._arrays, cast(PerceivedWorlds, env._perceived)
+        fittings = perceived.task.fittings
+        for _ in range(-(-episodes // WORLDS)):
+            env.reset()
+            state = true.state
+            within = fittings.inside(state.nouns, state.objects).any(-1) if fittings else np.zeros_like(state.shown)
+            there, seen = state.shown & ~within, perceived.state.shown & ~within
+            both = there & seen
+            off = np.abs(perceived.rows - true.rows)[both]
+            counts += Counter(
+                things=there.sum(),
+                told=both.sum(),
+                missed=(there & ~seen).sum(),
+                invented=(seen & ~there).sum(),
+                noun=(state.nouns == perceived.state.nouns)[both].sum(),
+                color=(off[:, RGBA] < 0.1).all(1).sum(),
+            )
+            gaps.append(1000 * np.linalg.norm(off[:, :3], axis=1))
+    shares = {name: counts[name] / counts["told"] for name in ("noun", "color")}
+    shares |= {name: counts[name] / counts["things"] for name in ("missed", "invented")}
+    median, high = np.quantile(np.concatenate(gaps), (0.5, 0.95))
+    return {"things": counts["things"], "median_mm": median, "p95_mm": high, **shares}
+
+
+def print_told(episodes: int, seed: int) -> None:
+    """Print how right the scenes are that policies are told."""
+    for words in (["task=nl_reach"], ["task=nl_pick_and_place"], ["task=nl_reach_gesture"], ["task=anything"]):
+        figures = ", ".join(f"{name} {value:.4g}" for name, value in told(words, episodes, seed).items())
+        print(f"{' '.join(words)}: {figures}", flush=True)
 
 
 def print_time() -> None:
@@ -184,9 +233,13 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", help="one condition")
+    parser.add_argument("--told", action="store_true", help="print how right the scenes are that policies are told")
     parser.add_argument("--time", action="store_true", help="print how long perception takes")
     parser.add_argument("--out", type=Path, help="a file to which the rows are added")
     given = parser.parse_args()
+    if given.told:
+        print_told(given.episodes, given.seed)
+        return
     if given.time:
         print_time()
         return
