@@ -29,7 +29,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.results import rows, write_section
+from benchmarks.store import lines_of, write_section
 from core.cameras import Camera, CameraFrame
 from core.overrides import compose
 from core.schema import read
@@ -287,7 +287,7 @@ def main() -> None:
     result: dict[str, Any] = {}
     for name, row in {"boards": boards, "gripper": gripper, "bullet": in_bullet}[args.what](args):
         result[name] = row
-        for key, value in rows({name: row}):
+        for key, value in lines_of({name: row}):
             print(f"{key:75} {value}", flush=True)
     if args.out:
         write_section(args.out, "benchmarks.calibration", args.what, result)

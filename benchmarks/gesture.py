@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from benchmarks.ours import WORLDS, actions
-from benchmarks.results import rows, write_section
+from benchmarks.store import lines_of, write_section
 from core.overrides import compose
 from envs import make_env, read_env
 from envs.config import EnvConfig
@@ -245,7 +245,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="file that receives the result")
     args = parser.parse_args()
     result = {"pointing": pointing, "picking": picking, "ceiling": ceiling, "speed": speed}[args.what](args)
-    for name, value in rows(result):
+    for name, value in lines_of(result):
         print(f"{name:40} {value}")
     if args.out:
         write_section(args.out, "benchmarks.gesture", args.what, result)

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from benchmarks.hostile import WRITERS
-from benchmarks.results import rows, write_section
+from benchmarks.commands import WRITERS
+from benchmarks.store import lines_of, write_section
 from language import (
     DEFAULT_KINDS,
     KINDS,
@@ -277,7 +277,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="file that receives the result")
     args = parser.parse_args()
     result = {"round_trip": round_trip, "speed": speed, "fuzz": fuzz}[args.what](args)
-    for name, value in rows(result):
+    for name, value in lines_of(result):
         print(f"{name:32} {value}")
     if args.out:
         write_section(args.out, "benchmarks.language", args.what, result)

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from benchmarks.hostile import WRITERS
+from benchmarks.commands import WRITERS
 from core.system import system_info
 from demo.real_time_loop import RealTimeLoop
 from demo.session import Session

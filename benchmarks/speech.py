@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from benchmarks.results import rows
+from benchmarks.store import lines_of
 from demo.session import Session
 from demo.session_config import make_config
 from language import LanguageError, Outcome, Plan
@@ -131,7 +131,7 @@ def main() -> None:
             print(f"{name}: {heard.said!r} was heard as {heard.heard!r}; plan {'right' if heard.plan else 'wrong'}")
     everything = [each for voice in found.values() for each in voice]
     for voice, result in {**found, "all": everything}.items():
-        for name, value in rows(summary(result)):
+        for name, value in lines_of(summary(result)):
             print(f"{voice:20} {name:26} {value}")
 
 

@@ -232,7 +232,9 @@ def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], tables: Se
     head = f"{about['cores']} cores, {about['processor']}, Python {about['python']}; {versions}."
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(["# Throughput", "", *INTRODUCTION, "", f"`{command}`", "", head, "", *tables, ""]))
-    measured = json.dumps({"command": command, "machine": about, "rounds": rounds}, indent=1)
+    compared = {each.label: statistics.median(values) for each in COMPARISONS if (values := each.values(rounds))}
+    content = {"command": command, "machine": about, "comparisons": compared, "rounds": rounds}
+    measured = json.dumps(content, indent=1)
     path.with_suffix(".json").write_text(measured + "\n")
 
 

@@ -20,7 +20,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.results import write_section
+from benchmarks.store import write_section
 from benchmarks.treebank_data import PARTS, BoardState, TreebankSentence, read
 from language.outcomes import Plan, Question, Refusal
 from language.settling import interpret_alone
