@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from core.errors import ConfigError
-from envs.gym_interface import RENDER_MODES, GymInterface, group_words
+from envs.gym_interface import RENDER_MODES, group_words, make_interface
 from envs.registration import can_show, check_list, make_env
 
 
@@ -31,9 +31,11 @@ class GymEnv(gym.Env):
         overrides: more Hydra overrides, such as "task.num_objects=6".
         render_mode: None, "rgb_array" (`render` returns an image) or "human" (a window shows the world
             in real time).
+        instruction: "tokens" (L,), "embedding" (a vector of floats: `language.SentenceEmbedding`) or "text".
+        goal: goal positions in place of words, for HER: `GoalInterface`. Not for tasks whose goal is no position.
 
     Raises:
-        ConfigError: for an unknown or invalid override, or a window that cannot be opened.
+        ConfigError: for an unknown or invalid override or argument, or a window that cannot be opened.
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012
@@ -45,6 +47,8 @@ class GymEnv(gym.Env):
         control: str = "step",
         overrides: Sequence[str] = (),
         render_mode: str | None = None,
+        instruction: str = "tokens",
+        goal: bool = False,
     ) -> None:
         if render_mode not in (None, *RENDER_MODES):
             raise ConfigError(f"render_mode={render_mode} must be None, {' or '.join(RENDER_MODES)}")
@@ -54,7 +58,7 @@ class GymEnv(gym.Env):
         words = group_words(task, robot, control, overrides)
         asked = "render_mode=human" if render_mode == "human" else None
         self._env = make_env(words, num_worlds=1, render=render_mode is not None, window=asked)
-        self._interface = GymInterface(self._env)
+        self._interface = make_interface(self._env, instruction, goal)
         self.observation_space, self.action_space = self._interface.observation_space, self._interface.action_space
 
     @property
@@ -82,13 +86,13 @@ class GymEnv(gym.Env):
         values = self._env.step(self._interface.action(action))["next"]
         if self.render_mode == "human":
             self._wait()
-        return (
-            self._observation(values),
-            values["reward"].item(),
-            values["terminated"].item(),
-            values["truncated"].item(),
-            self._info(values),
-        )
+        rewards, terminated, truncated = self._interface.outcome(values)
+        observed, info = self._observation(values), self._info(values)
+        return observed, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def compute_reward(self, achieved_goal: NDArray, desired_goal: NDArray, info: Any) -> Any:
+        """Return the reward of goals (3,), or of many (..., 3), with goal=True. `info` does not matter."""
+        return self._interface.compute_reward(achieved_goal, desired_goal, info)
 
     def render(self) -> NDArray[np.uint8] | None:
         """(height, width, 3) from the camera of films if render_mode="rgb_array", else None."""

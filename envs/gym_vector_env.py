@@ -7,6 +7,7 @@ worlds = gymnasium.make_vec("Deixis/NLReach-v0", num_envs=16, robot="panda")
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import gymnasium as gym
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from core.errors import ConfigError, UseError
-from envs.gym_interface import RENDER_MODES, GymInterface, group_words
+from envs.gym_interface import RENDER_MODES, group_words, make_interface
 from envs.registration import check_list, make_env
 
 MODES = ", ".join(repr(mode.value) for mode in AutoresetMode)
@@ -37,6 +38,7 @@ class GymVectorEnv(gym.vector.VectorEnv):
         autoreset_mode: when an episode that ended is followed by the next one: "NextStep" (by the next `step`,
             whose action and reward are not used), "SameStep" (at once; infos have the last observation as
             `final_obs`, and `final_info`), or "Disabled" (by `reset` with `options={"reset_mask": (N,) bools}`).
+        instruction, goal: as of `GymEnv`.
 
     Raises:
         ConfigError: for an unknown or invalid override or argument.
@@ -51,6 +53,8 @@ class GymVectorEnv(gym.vector.VectorEnv):
         overrides: Sequence[str] = (),
         render_mode: str | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        instruction: str = "tokens",
+        goal: bool = False,
     ) -> None:
         if render_mode not in (None, RENDER_MODES[0]):
             raise ConfigError(f"render_mode={render_mode} must be None or {RENDER_MODES[0]} for several worlds")
@@ -62,7 +66,7 @@ class GymVectorEnv(gym.vector.VectorEnv):
         self.metadata = {"render_modes": [RENDER_MODES[0]], "render_fps": 20, "autoreset_mode": self.autoreset_mode}
         words = group_words(task, robot, control, overrides)
         self._env = make_env(words, num_envs, render=render_mode is not None)
-        self._interface = GymInterface(self._env)
+        self._interface = make_interface(self._env, instruction, goal)
         self.single_observation_space = self._interface.observation_space
         self.single_action_space = self._interface.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -107,8 +111,7 @@ class GymVectorEnv(gym.vector.VectorEnv):
         if over.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise UseError(f"step was called, but the episodes of worlds {np.flatnonzero(over).tolist()} are over")
         self._values = self._env.step(taken)["next"]
-        rewards = self._values["reward"][:, 0].numpy().astype(np.float64)
-        terminated, truncated = (self._values[name][:, 0].numpy().copy() for name in ("terminated", "truncated"))
+        rewards, terminated, truncated = self._interface.outcome(self._values)
         infos, self._ended = self._interface.infos(self._values), terminated | truncated
         if self.autoreset_mode == AutoresetMode.NEXT_STEP and over.any():
             infos = self._begin(over)
@@ -117,6 +120,10 @@ class GymVectorEnv(gym.vector.VectorEnv):
             final = self._final(infos, self._ended)
             infos = self._begin(self._ended) | final
         return self._observations(), rewards, terminated, truncated, infos
+
+    def compute_reward(self, achieved_goal: NDArray, desired_goal: NDArray, info: Any) -> Any:
+        """Return the rewards of goals (..., 3), with goal=True. `info` does not matter."""
+        return self._interface.compute_reward(achieved_goal, desired_goal, info)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return (height, width, 3) of each world if render_mode="rgb_array", else None."""
@@ -158,7 +165,7 @@ class GymVectorEnv(gym.vector.VectorEnv):
         observed = self._interface.observations(self._values)
         final: dict[str, Any] = {}
         for i in np.flatnonzero(ended).tolist():
-            last = {key: array[i].copy() for key, array in observed.items()}
+            last = {key: copy(of_worlds[i]) for key, of_worlds in observed.items()}
             final = self._add_info(final, {"final_obs": last, "final_info": {k: v[i] for k, v in infos.items()}}, i)
         return final
 

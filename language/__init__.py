@@ -7,6 +7,7 @@ the robot's base on the table top, x away from the robot, y to the robot's left,
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
 from language.describing import DEFAULT_KINDS, Describer, describe
 from language.dialogue import Dialogue, interpret
+from language.embedding import SentenceEmbedding
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
 from language.generator import KINDS
 from language.grounding import ground, matches
@@ -83,6 +84,7 @@ __all__ = [
     "Refusal",
     "Relation",
     "Scene",
+    "SentenceEmbedding",
     "SeveralFit",
     "Signal",
     "Split",
