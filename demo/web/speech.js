@@ -72,7 +72,7 @@ export class Speech {
 
   key(event) {
     if (event.key === "Escape" && (this.timer || this.stopRecording)) this.cancel();
-    if (event.key.toLowerCase() !== "m" || !event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
+    if (this.button.offsetParent === null || event.key.toLowerCase() !== "m" || !event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
     event.preventDefault();
     this.toggle();
   }

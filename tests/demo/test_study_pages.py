@@ -176,8 +176,8 @@ def test_the_experimenter_stops_and_deletes_whom_a_row_names(pages):
 @pytest.mark.parametrize(
     ("condition", "seen", "hidden"),
     [
-        ({"input": "words"}, ["#say", "#stop"], ["#point", ".bar", ".chips", ".left"]),
-        ({"input": "finger"}, ["#stop", "#point"], ["#say", "#do", ".preview", ".bar"]),
+        ({"input": "words"}, ["#say", "#stop"], ["#point", "#talk", ".bar", ".chips", ".left"]),
+        ({"input": "finger"}, ["#stop", "#point"], ["#say", "#do", "#talk", ".preview", ".bar"]),
         ({"answers": False, "suggestions": True}, ["#say", "#point", ".chips"], [".preview", "#lab-button"]),
     ],
 )
@@ -201,6 +201,8 @@ def test_the_page_of_a_trial_has_what_its_condition_allows(browser, condition, s
     tab.locator("body[data-ready]").wait_for()
     assert [name for name in seen if not tab.locator(name).first.is_visible()] == []
     assert [name for name in hidden if tab.locator(name).first.is_visible()] == []
+    tab.keyboard.press("Control+m")
+    assert tab.locator("#talk").get_attribute("aria-pressed") == "false"  # nobody listens
     if AXE.is_file():
         tab.evaluate(AXE.read_text())
         found = tab.evaluate("axe.run({iframes: false}).then(result => result.violations)")
