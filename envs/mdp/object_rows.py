@@ -21,6 +21,7 @@ from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, color_n
 Array = NDArray[np.float64]
 NEAR, CLOSE = 0.2, 0.04  # metres at which offsets are clipped: grasping needs the finer scale
 OBJECT_WIDTH = 3 + 4 + 4 + len(SHAPES) + 1 + 1
+COLOR = slice(7, 10)  # red, green, blue
 ATTRIBUTES = slice(7, OBJECT_WIDTH)  # constant during an episode: colour, shape, size, role
 OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 6)  # the offsets from the gripper, if any
 COLUMNS = slice(OFFSET.stop, None)  # the task's own columns, if any

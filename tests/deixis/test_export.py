@@ -69,7 +69,7 @@ def test_the_example_runs_the_file_without_torch_and_deixis(onnx_folder, tmp_pat
         "import runpy, sys; runpy.run_path(sys.argv.pop(1)); "
         "assert not {'torch', 'deixis', 'language'} & set(sys.modules)"
     )
-    words = [sys.executable, "-c", code, ROOT / "docs/examples/run_policy.py", onnx_folder, "press the red button"]
+    words = [sys.executable, "-c", code, ROOT / "examples/run_policy.py", onnx_folder, "press the red button"]
     done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert done.returncode == 0, done.stderr
     first, second = done.stdout.splitlines()
@@ -103,7 +103,7 @@ def test_the_interface_describes_inputs_words_robot_and_control(onnx_folder):
     "sentence", ["reach the red cube", "Reach the  blurple cube, it\u2019s LEFT!", "é-2 isn't; a_b"]
 )
 def test_the_rule_of_the_interface_gives_the_tokens_of_the_project(onnx_folder, sentence):
-    source = (ROOT / "docs/examples/run_policy.py").read_text(encoding="utf-8")
+    source = (ROOT / "examples/run_policy.py").read_text(encoding="utf-8")
     function = source[source.index("def tokens") : source.index("samples = dict")]
     scope = {"interface": interface_of(onnx_folder), "np": np, "re": __import__("re")}
     exec(function, scope)
