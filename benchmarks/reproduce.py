@@ -280,22 +280,23 @@ def shown(row: ReproducedRow, value: float) -> str:
 def cells(row: ReproducedRow, entry: dict[str, Any], short: bool) -> list[str]:
     """Return the cells of a row. short: as README has them."""
     runs, label = entry["runs"], str(row.readme) if short else row.label
+    bar = "" if row.bar is None else f"{row.bar:g}"
     if not runs:
-        return [label, "not run", *([""] * (2 if short else 5))]
+        return [label, "not run", "", ""] if short else [label, "not run", bar, "", "", ""]
     values = [shown(row, run["value"]) for run in runs]
     if runs[0].get("interval"):
         values[0] += " ({}-{})".format(*(shown(row, bound) for bound in runs[0]["interval"]))
-    mark = "" if entry["state"] == "measured" else ", older code"
+    mark = "" if entry["state"] == "measured" else " †"
     frames = f"{runs[0]['frames']:,}" if runs[0].get("frames") else ""
     if short:
         return [label, values[0] + mark, str(len(runs)), frames]
-    short_of = row.bar is not None and (runs[0]["value"] > row.bar if row.at_most else runs[0]["value"] < row.bar)
-    bar = "" if row.bar is None else f"{row.bar:g}" + ", missed" * short_of
+    if row.bar is not None and (runs[0]["value"] > row.bar if row.at_most else runs[0]["value"] < row.bar):
+        bar += ", missed"
     missing = f" ({len(runs)} of {entry['seeds']} seeds)" * (len(runs) < entry["seeds"] and not mark)
     seconds = [run["seconds"] for run in runs if "seconds" in run]
     taken = f"{max(seconds):,.0f}" if seconds else ""
     measured = ", ".join(dict.fromkeys(f"{run['date']} {run['commit']}" for run in runs)) + mark
-    return [label, ", ".join(values) + missing, bar, frames, taken, measured, f"`{row.id.partition('/')[2]}`"]
+    return [label, ", ".join(values) + missing, bar, frames, taken, measured]
 
 
 def table(book: RowBook, name: str, found: dict[str, Any]) -> str:
@@ -309,20 +310,21 @@ def table(book: RowBook, name: str, found: dict[str, Any]) -> str:
     else:
         head = list(README_HEAD if short else HEAD)
         lines = [cells(row, found["rows"][row.id], short) for row in rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in [head, ["---"] * len(head), *lines])
+        used = [number for number, column in enumerate(zip(*lines, strict=True)) if any(column)]
+        head, *lines = [[line[number] for number in used] for line in [head, *lines]]
+    written = [f"| {' | '.join(line)} |" for line in [head, *lines]]
+    return "\n".join([written[0], "|---" * len(head) + "|", *written[1:], ""]).replace("|  |", "| |")
 
 
 def matrix(rows: Sequence[ReproducedRow], found: dict[str, Any]) -> list[list[str]]:
-    """Return the worst seeds as a matrix: a column for each end of the ids, a line for each beginning, and the head."""
+    """Return the worst seeds as a matrix, head first: a column for each end of the ids. Not run: "-"."""
     names = [(*row.id.partition("/")[2].rpartition("-")[::2], row) for row in rows]
     columns = list(dict.fromkeys(column for _, column, _ in names))
     lines: dict[str, dict[str, str]] = {}
     for line, column, row in names:
         entry = found["rows"][row.id]
-        mark = " †" if entry["state"] == "older code" else ""
-        lines.setdefault(line, {})[column] = (
-            shown(row, entry["runs"][0]["value"]) + mark if entry["runs"] else "not run"
-        )
+        mark = "†" if entry["state"] == "older code" else ""
+        lines.setdefault(line, {})[column] = shown(row, entry["runs"][0]["value"]) + mark if entry["runs"] else "-"
     order = list(dict.fromkeys(line.partition("-")[0] for line in lines))
     lines = dict(sorted(lines.items(), key=lambda item: order.index(item[0].partition("-")[0])))
     body = [[line, *(entries.get(column, "") for column in columns)] for line, entries in lines.items()]
@@ -330,7 +332,7 @@ def matrix(rows: Sequence[ReproducedRow], found: dict[str, Any]) -> list[list[st
 
 
 README_HEAD = ("kuka, `step` and PPO unless named", "success, worst seed (95 %)", "seeds", "frames")
-HEAD = ("", "each seed, the worst first (95 %)", "bar", "frames", "seconds", "measured", "row")
+HEAD = ("", "each seed, the worst first (95 %)", "bar", "frames", "seconds", "measured")
 
 
 def generated(book: RowBook, found: dict[str, Any]) -> dict[Path, str]:

@@ -34,7 +34,7 @@ INTRODUCTION = (
     "workload runs in a process of its own, in interleaved rounds; a ratio is taken within each round.",
     "`benchmarks/ours.py` and `benchmarks/peers.py` describe the workloads. *Matched* workloads have the physics of",
     "the other library. The raw loop and the matrix products alone are the physical limits.",
-    "[Results](results.md#what-falls-short) gives the reasons where a bar is not met.",
+    "[Speed](experiments/speed.md) gives the reasons where a bar is not met.",
 )
 
 Round = dict[str, dict[str, Any]]  # workload name -> the JSON object it printed, or {"error": ...}

@@ -81,7 +81,7 @@ def test_what_is_missing_is_run_once_and_written_into_the_page(project):
     low, high = wilson(30, 40)
     assert f"| a share | 0.750 ({low:.3f}-{high:.3f}), 0.750 |" in page
     assert "| slow | not run |" in page
-    assert "|  | left | right |\n| --- | --- | --- |\n| 0.1 | not run | not run |" in page
+    assert "| | left | right |\n|---|---|---|\n| 0.1 | - | - |" in page
     assert "0 of 2 runs are missing" in reproduce(project, "--rows", "plain/good")
     assert stored(project, "plain/good/0.json") == before
     assert not (project / "outputs" / "reproduce" / "plain" / "good" / "0").exists()
@@ -133,10 +133,10 @@ def test_a_changed_file_makes_a_result_stale_until_it_is_run_again(project):
     assert "plain/good 0: changed since unknown: helper.py" in reproduce(project, "--stale")
     reproduce(project, "--check")  # the marks are those of the last writing
     reproduce(project, "--write")
-    assert "unknown, older code" in (project / "page.md").read_text()
+    assert "unknown †" in (project / "page.md").read_text()
     reproduce(project, "--rows", "plain/good", "--seeds", "0", "--again")
     assert stored(project, "plain/good/0.json")["figures"]["success_at_end"] == 0.45
-    assert "older code" not in (project / "page.md").read_text()
+    assert "†" not in (project / "page.md").read_text()
 
 
 @pytest.mark.parametrize(
