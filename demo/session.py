@@ -103,6 +103,7 @@ class Session:
     def _warm_up(self) -> None:
         """Runs parser and policy once: the first call is slow."""
         self.preview(self.example())
+        self.preview("what can you do?")
         if self._policy is not None:
             self._policy(self._state.exclude("privileged"))
 
@@ -222,7 +223,7 @@ class Session:
     def _interpret(self, dialogue: Dialogue, sentence: str) -> Outcome:
         sentence = sentence[:MAX_CHARACTERS]
         world = worlds.world_of(self.env, self.scene(), self._home)
-        needed = worlds.pointed_in(sentence, (*POINTING, *HERE))
+        needed = worlds.pointed_in(sentence, (*POINTING, *HERE, "pointing"))
         pointed = self.finger.referents(needed, sentence) if needed else ()
         outcome = dialogue.answer(sentence, world, () if self.env.task.traits.stacks else pointed)
         outcome = self._named_alone(outcome)
@@ -246,7 +247,7 @@ class Session:
     def _offers(self, suggestions: Sequence[str]) -> tuple[str, ...]:
         """Return what can be said instead; where the gripper cannot take anything, an example of the task."""
         task = self.env.task
-        return tuple(suggestions) if task.verbs or task.traits.stacks or task.traits.grips else (self.example(),)
+        return (self.example(),) if task.traits.moves and not (task.verbs or task.traits.grips) else tuple(suggestions)
 
     # ---- Pointing, and moving objects
 

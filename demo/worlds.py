@@ -41,7 +41,9 @@ def world_of(env: InteractiveEnv, scene: Scene, home: Home) -> WorldModel:
         return board.world_of(env, scene.viewpoint)
     area = tuple(env.config.workspace.object_area)
     if not env.task.verbs:
-        return table(scene, env.held, bounds=area, little=BIT * env.config.task.radius, home=home)
+        traits = env.task.traits
+        verbs = None if traits.moves or traits.grips or traits.operates else (env.task.verb,)
+        return table(scene, env.held, bounds=area, little=BIT * env.config.task.radius, home=home, verbs=verbs)
     found = room.room_of(env, scene)
     inside = {int(thing): int(box) for thing, box in np.argwhere(found.inside | found.handed)}
     opened = np.flatnonzero(found.fits & (found.shares >= OPEN)).tolist()

@@ -118,7 +118,8 @@ class NounPhrases:
             for edge in self._get(at, "pronoun"):
                 many = any(word in _MANY for word in edge.value.split())
                 sure = 0.15 * (edge.end > at + 1 and self._lattice.table)  # "that one" is no thing of its own
-                found.append(_item(draft, edge.end, edge.cost - sure, start, kind="it", plural=many))
+                every = many and edge.value.startswith("all")
+                found.append(_item(draft, edge.end, edge.cost - sure, start, kind="it", plural=many, every=every))
         elif known.keys() == {"pointed"}:
             found.append(_item(draft, at, 0.0, start, kind="thing"))
         elif not known.keys() - {"sides"}:
@@ -337,6 +338,9 @@ class Chart:
                 found.append(Item(item.end, relation, edge.cost + item.cost + away))
         for edge in get(start, "not"):
             for item in self.relations(edge.end):
+                if item.value.name == "not":  # "but not the red one"
+                    found.append(item)
+                    continue
                 inner = Entity(relations=(item.value,), span=item.value.span)
                 found.append(
                     Item(item.end, RelationPhrase("not", (inner,), span=(start, item.end)), item.cost, item.skipped)

@@ -100,7 +100,7 @@ class Dialogue(Replies):
         text = _without_idle(sentence, parts)
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Answer(sentence, 1.0, (), span, text=f"All right, I do nothing. {_NEXT}")
-        if (told := self._asked(sentence, text)) is not None:
+        if (told := self._asked(sentence, text, made)) is not None:
             return replace(told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
             return self._unknown(sentence, words)
@@ -148,6 +148,17 @@ class Dialogue(Replies):
         if number > 1 and act_of([token.text for token in words]) in ("yes", "again"):
             return self._again(text, number) or self._nothing(text, "again")
         planner = self.planner(made)
+        outcome = self._weighed(text, words, planner, number, same)
+        under = isinstance(outcome, Refusal) and " is under the " in outcome.text and outcome.reason == "impossible"
+        if not (under and self.now.cells):
+            return outcome
+        planner = self.planner(made)
+        planner.clears = True
+        again = self._weighed(text, words, planner, number, same)
+        return again if isinstance(again, Plan) else outcome
+
+    def _weighed(self, text: str, words: list[Token], planner: Planner, number: int, same: bool) -> Outcome:
+        """Return the outcome of the plain words of a command, an answer or a correction."""
         found = choices(words, planner, times=number)
         likely = sorted(found.readings, key=lambda reading: reading.cost)
         outcome: Outcome | None = None
@@ -169,6 +180,8 @@ class Dialogue(Replies):
 
     def _is_reply(self, reply: Reading, found: Choices) -> bool:
         """Whether a sentence answers or corrects what went before, rather than asks for something of its own."""
+        if self.now.only and self.open_question() is None:  # a phrase says what to do
+            return False
         if not reply.rejects and (len(reply.steps) > 1 or reply.steps[0].verb is not None):
             return False
         if reply.rejects or not found.possible or self.open_question() is not None:
@@ -256,6 +269,8 @@ class Dialogue(Replies):
         if still and not steps:
             text = f"I cannot undo that: {name(world, still[0])} stays down"
             return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=text, suggestions=offers(world))
+        if not steps:  # only the arm has moved
+            return Signal(sentence, 1.0, (), (0, len(sentence)), control="home")
         return Signal(
             sentence, 1.0, (), (0, len(sentence)), control="undo", text="I undo that", steps=steps, result=result
         )
@@ -281,7 +296,7 @@ class Dialogue(Replies):
         if done is None or not isinstance(done.outcome, Plan) or self.last is None:
             return None
         reading = opposite(self.last, done.outcome.steps, self.now)
-        return self._settle(sentence, reading) if reading is not None else self._undone(sentence, 1)
+        return self._settle(sentence, reading) if reading is not None else None
 
     def _agreed(self, sentence: str, act: str, asked: Question | None) -> Outcome | None:
         """Return what comes of a yes, or of leaving the choice to the robot."""
@@ -303,7 +318,7 @@ class Dialogue(Replies):
 
     # ---- Questions
 
-    def _asked(self, sentence: str, text: str) -> Outcome | None:
+    def _asked(self, sentence: str, text: str, made: tuple[Gesture, ...] = ()) -> Outcome | None:
         """Return the answer to a turn that asks, or what is to be done after it; None if it asks nothing."""
         parts = parts_of(text)
         for at, part in enumerate(parts):
@@ -319,7 +334,7 @@ class Dialogue(Replies):
                     return None
                 continue
             after = text[parts[end].end :]
-            return self._told(sentence, asked, after if end + 1 < len(parts) else "")
+            return self._told(sentence, asked, after if end + 1 < len(parts) else "", made)
         return None
 
     def _is_topic(self, words: str, later: list[Part]) -> bool:
@@ -372,12 +387,14 @@ class Dialogue(Replies):
             else None
         )
 
-    def _told(self, sentence: str, asked: str, rest: str) -> Outcome | None:
+    def _told(self, sentence: str, asked: str, rest: str, made: tuple[Gesture, ...] = ()) -> Outcome | None:
         """Return the answer to a question, or the outcome of what is said after it."""
         world, span = self.now, (0, len(sentence))
         if (command := proposal(asked)) is not None:
             return self._supposed(sentence, command)
-        known = Questions(world, self.planner(), self.turns)
+        known = Questions(world, self.planner(made), self.turns)
+        if known.pointed:
+            known.planner.it = tuple(known.pointed)
         told = known.answer(asked)
         about = tuple(dict.fromkeys(known.things))
         if rest:

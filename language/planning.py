@@ -13,6 +13,7 @@ from language import costs
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import Ref, color_fits
+from language.revising import only_verb, unfit
 from language.spots import Spot
 from language.steps import (
     BOXES,
@@ -26,6 +27,7 @@ from language.steps import (
     at_a_mark,
     beside,
     different,
+    finished,
     obstacle,
     off_table,
     without_stops,
@@ -60,9 +62,10 @@ class Planner(Steps):
                 self.it = refs[0].things
             else:
                 steps = reading.otherwise or (Clause(doing(Act.CARRY), negated=True, span=reading.condition.span),)
+        steps = tuple(only_verb(clause, self.world.only) for clause in steps) if self.world.only else steps
         found = self._sequence(without_stops(steps) * reading.times, last=True, arbitrary=reading.arbitrary)
         forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
-        return [self._allowed(_finished(each), forbidden) for each in found]
+        return [self._allowed(finished(each), forbidden) for each in found]
 
     def _sequence(self, steps: tuple[Clause, ...], last: bool, arbitrary: bool = False) -> list[Draft]:
         """Return the plans of clauses, which readings share. last: whether no clause follows."""
@@ -103,6 +106,8 @@ class Planner(Steps):
             act = clause.act
         if plan.failure or (act is Act.OPERATE and _names_it(plan, clause)):  # "the red wheel, turn it"
             yield plan
+        elif (other := unfit(plan.world, clause)) and not clause.negated:
+            yield replace(plan, failure=other, reason="impossible")
         elif clause.negated:
             refs = self._refs(plan, clause, clause.entity) if clause.entity is not None and act in BOXES else []
             yield plan if not refs else replace(plan, box=refs[0].things[-1], it=refs[0].things[-1:])
@@ -116,7 +121,7 @@ class Planner(Steps):
             yield from self._undoable(plan, clause)
         elif act is Act.SWAP:
             yield self._swap(plan, clause)
-        elif act is Act.BUILD:
+        elif act in (Act.BUILD, Act.GATHER):
             yield self._build(plan, clause)
         elif self._means_several(plan, clause):
             yield self._each(plan, clause)
@@ -139,7 +144,7 @@ class Planner(Steps):
             return False
         if entity.kind == "it":
             held = plan.world.held is not None and clause.act in LOOSE
-            return entity.plural and (len(plan.it) > 1 or clause.act in BOXES) and not held
+            return entity.plural and (len(plan.it) > 1 or entity.every or clause.act in BOXES) and not held
         return entity.kind == "list" or entity.every or (entity.number or 1) > 1
 
     # ---- Clauses without a verb, and such that nobody can carry out
@@ -325,12 +330,7 @@ class Planner(Steps):
                 found.append(min(good, key=lambda each: each.cost).mover)
             return [index for index in dict.fromkeys(found) if index is not None]
         if entity.kind == "it":
-            named = [i for i in plan.it if allows(world, act, i)]
-            if len(named) < 2 and act not in BOXES and not plan.steps:
-                named = [i for i in self.recent if allows(world, act, i)][:2] or named
-            if act in BOXES and len(named) < 2:
-                named = [i for i in world.containers if not self._done(world, act, i)]
-            return list(named) or [i for i in self._unnamed(plan, act) if not self._done(world, act, i)]
+            return self._them(plan, act, entity)
         refs = self.resolver(world, plan.it, None, plan.mentioned, plan.box).resolve(entity)
         refs = [ref for ref in refs if ref.things and all(allows(world, act, i) for i in ref.things[-1:])] or refs
         things = list(dict.fromkeys(i for ref in refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
@@ -355,6 +355,17 @@ class Planner(Steps):
                 plan, failure=f"{len(things)} things fit", reason="several", entity=entity, candidates=tuple(things)
             )
         return things
+
+    def _them(self, plan: Draft, act: Act | None, entity: Entity) -> list[int]:
+        """Return the things of "them"; "all of them" are all that there are where none were spoken of."""
+        world, every = plan.world, entity.every and len(plan.it) < 2
+        named = [i for i in (range(len(world.things)) if every else plan.it) if allows(world, act, i)]
+        named = [i for i in named if not (every and world.things[i].target)]
+        if len(named) < 2 and act not in BOXES and not plan.steps:
+            named = [i for i in self.recent if allows(world, act, i)][:2] or named
+        if act in BOXES and len(named) < 2:
+            named = [i for i in world.containers if not self._done(world, act, i)]
+        return named or [i for i in self._unnamed(plan, act) if not self._done(world, act, i)]
 
     # ---- One thing
 
@@ -549,15 +560,20 @@ class Planner(Steps):
         )
         if isinstance(things, Draft):
             return things
-        if entity.is_bare_plural and not plan.arbitrary and len(things) > 2 and plan.world.flat_only:
+        stacks = clause.act is Act.BUILD
+        if stacks and entity.is_bare_plural and not plan.arbitrary and len(things) > 2 and plan.world.flat_only:
             return replace(plan, failure="several", reason="several", entity=entity, candidates=tuple(things))
-        if len(things) > 2 and plan.world.flat_only:
+        if stacks and len(things) > 2 and plan.world.flat_only:
             failure = f"a stack of {len(things)} is too high: I put one cube on another, and nothing on top of that"
             return replace(plan, failure=failure, reason="impossible", entity=entity)
         if len(things) < 2:
-            return replace(plan, failure="a stack needs two things", reason="impossible", entity=entity)
+            return replace(
+                plan, failure=f"a {'stack' if stacks else 'row'} needs two things", reason="impossible", entity=entity
+            )
+        if entity.kind != "list":
+            things.sort(key=lambda i: plan.world.above[i] is not None)
         for below, index in pairwise(things):
-            place = RelationPhrase("on", (Entity(pointed=Gesture((below,))),))
+            place = RelationPhrase("on" if stacks else "near", (Entity(pointed=Gesture((below,))),))
             found = list(self._handled(replace(plan, mover=index), Clause(CARRY, None, (place,)), index))
             plan = min(found, key=lambda done: (bool(done.failure), done.cost))
             if plan.failure:
@@ -578,22 +594,3 @@ def _names_it(plan: Draft, clause: Clause) -> bool:
     last, spoken = plan.last, clause.entity is not None and clause.entity.kind == "it"
     operated = bool(plan.steps) and plan.steps[-1].act is Act.OPERATE
     return spoken and operated and last is not None and last.act is None and last.entity is not None
-
-
-def _finished(plan: Draft) -> Draft:
-    """Return the plan, or why it is none: a phrase still waits for its verb."""
-    if not plan.failure and not plan.steps and plan.notes:
-        return replace(plan, failure=plan.notes[0], reason="impossible")
-    if not plan.failure and plan.topic is not None:
-        plan = replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
-    return plan
-
-
-def reached(plan: Draft) -> tuple:
-    """Return the effects of a plan, for comparison: where things end, what is held, and all other steps."""
-    acts = tuple((each.verb, each.object) for each in plan.steps if not (each.takes or each.carries))
-    ends = {each.object: (each.place, each.bottom) for each in plan.steps if each.takes or each.carries}
-    rounded = tuple(
-        (i, (round(p[0], 2), round(p[1], 2), round(z or 0.0, 2)) if p else None) for i, (p, z) in sorted(ends.items())
-    )
-    return plan.world.held, rounded, acts

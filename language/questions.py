@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 
 from language.lattice import Lattice
 from language.normalise import questions
-from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.scanning import COLOR, Token, scan
-from language.talk import abilities, holds, listed, name, phrase, real, said, seen, state, where
-from language.viewpoint import whose_left
+from language.self_answers import SelfAnswers
+from language.talk import holds, listed, name, phrase, real, seen, state, where
 from language.words import colors, phrases
 from language.world import AT_END, WorldModel
 
@@ -62,7 +61,7 @@ class Predicate(NamedTuple):
     about: str
 
 
-class Questions:
+class Questions(SelfAnswers):
     """Answers the questions of one sentence.
 
     Args:
@@ -73,6 +72,7 @@ class Questions:
 
     def __init__(self, world: WorldModel, planner: Planner, turns: Sequence[Any]) -> None:
         self.world, self.planner, self.turns = world, planner, turns
+        self.pointed = [i for gesture in planner.gestures for i in gesture.things]
         self.things: list[int] = []  # that were asked about
 
     def answer(self, asked: str) -> str | None:
@@ -214,8 +214,9 @@ class Questions:
             r"(?:on|at) (?:very )?(?:top|bottom)(?: of (?:something|a cube|another cube|stack|tower|pile|any cube))?",
             plain,
         ):
-            neighbours = world.below if " top" in plain else world.above
-            return Predicate(lambda i: neighbours[i] is not None, "place")
+            on, other = (world.below, world.above) if " top" in plain else (world.above, world.below)
+            whole = re.search(r"(?:top|bottom|stack|tower|pile)$", plain) is not None
+            return Predicate(lambda i: on[i] is not None and (other[i] is None or not whole), "place")
         under = re.match(r"(?:under|below|beneath|underneath) (.*)", plain)
         if under and (upper := self.subject(under[1])):
             return Predicate(lambda i: any(world.below[j] == i for j in upper), "place")
@@ -454,110 +455,6 @@ class Questions:
     def described(self) -> str:
         """Return what is so of the things of the last condition."""
         return self._described
-
-    # ---- The gripper and the person's hand
-
-    def held(self, match: re.Match[str]) -> str | None:
-        """Say what the gripper or the person's hand holds."""
-        world = self.world
-        if (
-            re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding|got)\b|am i\b|have i\b", match.string)
-            and world.hand is not None
-        ):
-            self.things = inside = world.contents(world.hand)
-            return (
-                f"yes: {self.names(inside).split(' in ')[0]} is in your hand"
-                if inside
-                else "no: nothing is in your hand"
-            )
-        self.things = [] if world.held is None else [world.held]
-        if re.match(r"(?:do|are|have|is|did)\b", match[0]):
-            asked, things = self.refs(match[0])
-            yes = world.held in things if asked is not None and (asked.colors or asked.noun) else world.held is not None
-            self.things = [] if world.held is None else [world.held]
-            return f"{'yes' if yes else 'no'}: {holds(world)}"
-        return holds(world)
-
-    # ---- What was said and done
-
-    def _plans(self) -> list[tuple[Any, Plan]]:
-        return [(turn, turn.outcome) for turn in self.turns if isinstance(turn.outcome, Plan) and turn.outcome.steps]
-
-    def did(self, match: re.Match[str]) -> str | None:
-        """Say what was done last or first, or whether and where something was put."""
-        plans, text = self._plans(), match.string
-        entity, things = self.refs(text) if re.match(r"(?:did|have) ", text) else (None, [])
-        if things and entity is not None and entity.kind == "thing" and (entity.noun or entity.colors):
-            done = [turn for turn, plan in plans if any(step.object in things for step in plan.steps)]
-            return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"
-        into = re.search(r"\b(?:inside|in|into)\b(?: (.*))?$", text)
-        if into:
-            boxes = self.refs(into[1])[1] if into[1] and "there" not in into[1] else []
-            for turn, plan in reversed(plans):
-                for step in reversed(plan.steps):
-                    if step.carries and step.goal is not None and (not boxes or step.goal in boxes):
-                        thing = name(turn.world, step.object).split(" in ")[0]
-                        return f"{thing}: I put it in {name(turn.world, step.goal)}"
-            if boxes and (inside := self.world.contents(boxes[0])):
-                return f"{self.names(inside)}"
-            return None if plans else "I have done nothing yet"
-        if not plans:
-            return "I have done nothing yet"
-        turn, plan = plans[0 if re.search(r"\bfirst\b", text) else -1]
-        return f"I did this: {said(turn.world, plan.steps)}"
-
-    def told(self, match: re.Match[str]) -> str | None:
-        """Say what the person said before."""
-        return f'you said: "{self.turns[-1].sentence}"' if self.turns else "you have said nothing before"
-
-    def why(self, match: re.Match[str]) -> str | None:
-        """Say why something was done or was not done."""
-        if re.search(r"\b(?:one|only|two|fit|fits)\b.*\b(?:in|inside|into|on)\b", match.string):
-            return f"because there is room for one thing in {self.names(self.world.containers)}, and on your hand"
-        if not self.turns:
-            return "I have done nothing yet, because you have not asked for anything before"
-        last = self.turns[-1]
-        sentence = f'you said "{last.sentence}"'
-        if isinstance(last.outcome, Refusal):
-            return f"because I could not: {last.outcome.text}"
-        if isinstance(last.outcome, Question):
-            return f"because I had to ask: {last.outcome.text}"
-        plans = self._plans()
-        if isinstance(last.outcome, Signal) or not plans:
-            return f"because {sentence}"
-        turn, plan = plans[-1]
-        return f'because you said "{turn.sentence}": {said(turn.world, plan.steps)}'
-
-    def options(self, match: re.Match[str]) -> str | None:
-        """Say what was asked last, or what can be done."""
-        asked = next((turn.outcome for turn in reversed(self.turns) if isinstance(turn.outcome, Question)), None)
-        return f"I asked: {asked.text} {self.names(asked.candidates)}" if asked is not None else abilities(self.world)
-
-    # ---- The robot
-
-    def whose(self, match: re.Match[str]) -> str | None:
-        """Say whose left is meant."""
-        return whose_left(self.world.viewpoint)
-
-    def can(self, match: re.Match[str]) -> str | None:
-        """Say what can be done."""
-        return abilities(self.world)
-
-    def see(self, match: re.Match[str]) -> str | None:
-        """Say what there is."""
-        return seen(self.world)
-
-    def who(self, match: re.Match[str]) -> str | None:
-        """Say what the robot is."""
-        return f"I am a robot arm that does what you say and point at. {abilities(self.world)}"
-
-    def fine(self, match: re.Match[str]) -> str | None:
-        """Answer questions about the robot's condition."""
-        return f"yes, I am ready. {holds(self.world)}"
-
-    def language(self, match: re.Match[str]) -> str | None:
-        """Say which language is understood."""
-        return "I understand English: sentences about the things on the table"
 
 
 def _plain(text: str) -> str:

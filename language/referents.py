@@ -536,11 +536,16 @@ class Resolver:
     def _toward(self, refs: list[Ref], sides: tuple[str, ...], number: int = 1) -> list[Ref]:
         """Return the referents that are farthest toward the sides."""
         tie = TIE * self.world.pitch
+        if "center" in sides and not self.world.cells and len(refs) % 2 and len(refs) > 2:  # "the middle one" of a row
+            dx, dy = self.world.toward("left")
+            return sorted(refs, key=lambda ref: dx * ref.x + dy * ref.y)[len(refs) // 2 :][:1]
         if "center" in sides:
             middle = spot(*self.world.center)
             return best(refs, lambda ref: distance(ref.x, ref.y, middle), tie)
         if set(sides) & {"up", "top", "down"}:
             sign = 1.0 if sides[0] == "down" else -1.0
+            bearing = [ref for ref in refs if ref.things and self.world.above[ref.things[-1]] is not None]
+            refs = bearing if sides[0] == "down" and bearing and not self.world.cells else refs
             return best(refs, lambda ref: sign * ref.top, tie)
         vectors = [self.world.toward(side) for side in dict.fromkeys(map(self.world.side, sides))]
         if number > 1:  # "the three cubes on the right"

@@ -26,11 +26,15 @@ class Replies(Memory):
     def _reply(self, sentence: str, reply: Reading, found: Choices) -> Outcome | None:
         """Return the outcome of an answer, or of a correction of the last sentence."""
         clause, world = reply.steps[0], self.now
+        if clause.entity is not None and clause.entity.kind in ("robot", "person"):
+            return None
         asked = self.open_question()
         if not world.cells and any(matters(found.lattice, index) for index in reply.unused):
             return None  # a word is left out that may change the meaning
         if len(reply.steps) > 1 or clause.verb is not None:  # "no, take the blue one"
             return self._tried(sentence, [Reading(reply.steps)], found, restore=world.cells, back=True)
+        if asked is None and clause.entity is None and (other := self._other_place(sentence, clause)) is not None:
+            return other
         if asked is not None and not reply.rejects:
             entity = clause.entity or (selecting(clause.places) if asked.candidates else None)
             chosen = self._chosen(sentence, asked, entity, found) if entity is not None else None
@@ -42,6 +46,25 @@ class Replies(Memory):
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
         restore = reply.rejects and (clause.entity is not None or world.cells)
         return self._tried(sentence, revised(self.last, reply), found, restore)
+
+    def _other_place(self, sentence: str, clause: Clause) -> Outcome | None:
+        """Return what comes of "on the other one" after something was put on or in one thing; None of other words."""
+        anchor = next((anchor for place in clause.places for anchor in place.anchors if anchor.other), None)
+        plans = [turn.outcome for turn in self.turns[-3:] if isinstance(turn.outcome, Plan)]
+        carried = [step for plan in plans for step in plan.steps if step.carries and step.goal is not None]
+        if anchor is None or anchor.noun or anchor.colors or not carried or self.last is None:
+            return None
+        mover, goal, world = carried[-1].object, carried[-1].goal, self.now
+        assert goal is not None
+        left = [i for i in range(len(world.things)) if i not in (mover, goal)]
+        kind = world.things[goal].target, world.is_loose(goal)
+        others = tuple(i for i in left if (world.things[i].target, world.is_loose(i)) == kind) or tuple(left)
+        if len(others) == 1:
+            place = replace(clause.places[0], anchors=(pinned(others[0]),))
+            return self._tried(sentence, [Reading((Clause(CARRY, pinned(mover), (place,)),))])
+        if not others:
+            return None
+        return Question(sentence, 0.5, text=which(world, others), candidates=others, reading=self.last)
 
     def _named(self, sentence: str, words: list[Token], found: Choices) -> Outcome | None:
         """Return the plan of a reply of which only a phrase is understood: "let me think, the gray one I guess"."""

@@ -8,11 +8,14 @@ from dataclasses import replace
 
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.outcomes import Step
+from language.places import ONTO
+from language.spots import a_name
 from language.steps import CARRY
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.words import ENCLOSING
 from language.world import WorldModel
 
+_GOING = (*ONTO, "near")  # relations to what the gripper goes to
 SAME = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
 
 
@@ -116,6 +119,9 @@ def _anchored(place: RelationPhrase, old: tuple[RelationPhrase, ...]) -> Relatio
 def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading | None:
     """Return the last reading the other way round: object and base change places, left is right, open is closed."""
     clause = last.steps[-1]
+    touched = [step for step in steps if step.act is Act.TOUCH]
+    if len(steps) > 1 and len(touched) == len(steps):  # in the other order
+        return Reading(tuple(Clause(step.verb, pinned(step.object)) for step in reversed(steps)))
     carried = [step for step in steps if step.carries and not step.implied]
     if carried and carried[-1].goal is not None and world.is_loose(carried[-1].goal):
         on = RelationPhrase("on", (pinned(carried[-1].object),))
@@ -213,3 +219,34 @@ def restoring(now: WorldModel, then: WorldModel) -> tuple[Step, ...]:
         steps.append(Step(bringing("up"), then.held))
     steps += [Step(doing(Act.SHUT), box) for box in boxes if box in now.open]
     return tuple(steps)
+
+
+def only_verb(clause: Clause, verb: str) -> Clause:
+    """Return a clause where one verb alone is possible: what is only named, and where to go, are its object."""
+    entity, robot = clause.entity, clause.entity is not None and clause.entity.kind == "robot"
+    shown = entity is not None and entity.pointed is not None
+    if clause.act not in (None, Act.CARRY) or (clause.act is Act.CARRY and not (entity is None or robot or shown)):
+        return clause
+    at = [place for place in clause.places if place.name in _GOING and place.anchors]
+    if at:  # "go there", "on the red one"
+        return replace(clause, verb=verb, entity=at[-1].anchors[-1], places=())
+    if entity is not None and not robot and not clause.places:
+        return replace(clause, verb=verb)
+    beside = [place for place in clause.places if place.anchors] if entity is None else []
+    return replace(clause, verb=verb, entity=Entity(relations=tuple(beside)), places=()) if beside else clause
+
+
+def unfit(world: WorldModel, clause: Clause) -> str:
+    """Return why a clause cannot be carried out where one verb alone is possible, or ""."""
+    same = clause.verb is not None and clause.act in (
+        KNOWN[world.only].act if world.only else None,
+        Act.NEVER,
+        Act.TIDY,
+    )
+    if world.only is None or same:
+        return ""
+    names = [a_name(world, i) for i, thing in enumerate(world.things) if not thing.target]
+    if clause.verb is None or (all(each.name in ("direction", "home") for each in clause.places) and clause.places):
+        return f"in this scene I only {world.only} things, and go in no direction: name {', '.join(names)}"
+    doing = f"in this scene I only {world.only}, and do not {clause.verb}".replace("_", " ")
+    return f"{doing}; choose another scene, such as 'anything', for that"

@@ -16,10 +16,11 @@ from language.lattice import LIMITING, STRANGERS, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
-from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, GRIPS_ONE, Draft, Planner, reached
+from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, GRIPS_ONE, Draft, Planner
 from language.referents import color_fits
 from language.scanning import Token
 from language.sentences import readings
+from language.steps import reached
 from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
 from language.world import WorldModel
@@ -130,6 +131,8 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         corners = {anchor.kind for step in top.reading.steps for place in step.places for anchor in place.anchors}
         if corners == {"corner"} and all(c.reading is top.reading and _things(c) == _things(top) for c in rivals):
             rivals = []  # one of two corners on the left
+    if rivals and _changes_roles([top, *rivals], planner):
+        rivals = []
     if not world.cells and (doubt := _left_out(sentence, top, found, world)) is not None:
         return doubt
     whole = not top.reading.unused and not world.cells and all(step.verb is not None for step in top.reading.steps)
@@ -145,6 +148,17 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
         return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
     return understood(sentence, top, found.lattice, world, following)
+
+
+def _changes_roles(close: list[Choice], planner: Planner) -> bool:
+    """Whether choices differ only in which of two things is "the other one": either will do."""
+    places = [place for step in close[0].reading.steps for place in step.places]
+    other = next((anchor for place in places for anchor in place.anchors if anchor.other), None)
+    movers = {c.plan.mover for c in close}
+    if other is None or len(close) != 2 or len(movers) != 2:
+        return False
+    resolver = planner.resolver(planner.world, (), None)
+    return {ref.things[-1] for ref in resolver.resolve(replace(other, other=False)) if len(ref.things) == 1} == movers
 
 
 def _things(choice: Choice) -> list[tuple]:
@@ -364,9 +378,12 @@ def _reason(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> 
 
 def _rank(choice: Choice) -> float:
     """Sort key: what is said of the likeliest reading, rather than that a verb is impossible or unclear."""
+    entity = choice.plan.entity
+    mixed = 0.8 * (choice.plan.reason == "nothing" and entity is not None and len(entity.colors) > 1)
     unturnable = 2.0 * (choice.plan.failure == "unturnable")  # rather "push it" without a place
     return (
         unturnable
+        + mixed
         + _telling_cost(choice)
         + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "dialogue": 0.6}.get(choice.plan.reason, 0.0)
     )
@@ -383,6 +400,7 @@ def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
             others = [thing.color for thing in plan.world.things if thing.kind == entity.noun]
             if entity.noun not in (None, "cube") and others and entity.noun in said:
                 return f"the {entity.noun} here is {' or '.join(dict.fromkeys(others))}, not {head[0]}"
+            head += ["thing"] * (entity.noun is None)
             return f"there is no {' '.join(head) if entity.noun is None or entity.noun in said else repr(part)} here"
         if entity.colors and not any(_is_like(plan.world, i, entity) for i in range(len(plan.world.things))):
             return f"there is no {' '.join((head[0], entity.noun or 'thing'))} here"  # wherever it shall be
@@ -469,7 +487,8 @@ def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
             else (f"I do not know the words {' '.join(strange[:5])!r}")
         )
     else:
-        text = f"I do not see what I shall do about '{' '.join(words[:12])}'; say what to take and where to put it"
+        what = f"which thing to {world.only}" if world.only else "what to take and where to put it"
+        text = f"I do not see what I shall do about '{' '.join(words[:12])}'; say {what}"
     return Refusal(sentence, 0.0, tuple(words), (0, len(sentence)), "syntax", text, offers(world, words))
 
 

@@ -21,7 +21,7 @@ from language.world import AT_END, FIXED, WorldModel
 KEPT = 12  # plans of the clauses so far
 POINTS = 8  # points of places that are compared with a further relation for the same effort
 MOST_EFFORT, MOST_ON_BOARD = 500, 900  # after this, the sentence is refused
-LOOSE = (Act.TAKE, Act.CARRY, Act.LOWER, Act.REMOVE, Act.GIVE, Act.UNSTACK, Act.STORE, Act.SWAP, Act.BUILD)
+LOOSE = (Act.TAKE, Act.CARRY, Act.LOWER, Act.REMOVE, Act.GIVE, Act.UNSTACK, Act.STORE, Act.SWAP, Act.BUILD, Act.GATHER)
 TAKING = (Act.TAKE, Act.HOLD, Act.REMOVE, Act.UNSTACK)
 BOXES = (Act.OPEN, Act.SHUT, Act.EMPTY)
 CARRY = bringing("goal")
@@ -62,7 +62,7 @@ class Steps:
     it, mentioned: the things of the dialogue. others: what "the other one" means there. recent: all, the last first.
     boxes: the container spoken of last, which is no other one.
     help: whether the scene helps to select. gestures: those of the sentence. box: the container spoken of last.
-    effort: phrases weighed and steps tried so far.
+    effort: phrases weighed and steps tried so far. clears: whether what stands on a thing is put aside on a board, too.
     """
 
     world: WorldModel
@@ -75,6 +75,7 @@ class Steps:
     others: tuple[int, ...] = ()
     recent: tuple[int, ...] = ()
     boxes: tuple[int, ...] = ()
+    clears: bool = False
     _resolvers: dict[tuple, Resolver] = field(default_factory=dict)
     _usable: dict[tuple, Any] = field(default_factory=dict)
     _sequences: dict[tuple, list[Draft]] = field(default_factory=dict)
@@ -345,7 +346,7 @@ class Steps:
         world = plan.world
         why = obstacle(world, (index,))
         over = world.above[index]
-        if over is not None and not world.cells and world.is_loose(index):
+        if over is not None and (self.clears or not world.cells) and world.is_loose(index):
             plan = self._ready(plan)
             top = over
             while (above := plan.world.above[top]) is not None:
@@ -576,3 +577,22 @@ def allows(world: WorldModel, act: Act | None, index: int) -> bool:
     if act in LOOSE:
         return world.is_loose(index)
     return act is Act.TOUCH or index != world.hand
+
+
+def reached(plan: Draft) -> tuple:
+    """Return the effects of a plan, for comparison: where things end, what is held, and all other steps."""
+    acts = tuple((each.verb, each.object) for each in plan.steps if not (each.takes or each.carries))
+    ends = {each.object: (each.place, each.bottom) for each in plan.steps if each.takes or each.carries}
+    rounded = tuple(
+        (i, (round(p[0], 2), round(p[1], 2), round(z or 0.0, 2)) if p else None) for i, (p, z) in sorted(ends.items())
+    )
+    return plan.world.held, rounded, acts
+
+
+def finished(plan: Draft) -> Draft:
+    """Return the plan, or why it is none: a phrase still waits for its verb."""
+    if not plan.failure and not plan.steps and plan.notes:
+        return replace(plan, failure=plan.notes[0], reason="impossible")
+    if not plan.failure and plan.topic is not None:
+        plan = replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
+    return plan

@@ -211,7 +211,7 @@ def offers(world: WorldModel, words: Sequence[str] = (), most: int = 2) -> tuple
     order = sorted(found, key=lambda text: (-len(wanted & {token.text for token in scan(text)}), found.index(text)))
     kept: list[str] = []
     for text in order:
-        if len(kept) < most and text.split()[0] not in {each.split()[0] for each in kept}:
+        if len(kept) < most and (world.only or text.split()[0] not in {each.split()[0] for each in kept}):
             kept.append(text)
     return tuple(kept)
 
@@ -222,6 +222,10 @@ def _sayable(world: WorldModel) -> Iterator[str]:
     on_table = [i for i in loose if i not in world.inside]
     names = [a_name(world, i) for i in range(len(world.things))]
     unique = lambda i: world.cells or names.count(names[i]) == 1  # noqa: E731
+    if world.only is not None:
+        template = KNOWN[world.only].templates[0]
+        yield from (template.replace("{object}", names[i]) for i in _objects(world) if unique(i))
+        return
     if world.held is not None:
         for i in on_table:
             if world.things[i].kind in FLAT and i != world.held and unique(i) and world.is_on_ground(i):
@@ -255,8 +259,21 @@ def _sayable(world: WorldModel) -> Iterator[str]:
     yield "stop"
 
 
+def _objects(world: WorldModel) -> list[int]:
+    """Return what the verb of a world with one verb alone can be done with."""
+    assert world.only is not None
+    noun = KNOWN[world.only].noun
+    boxes = world.containers if KNOWN[world.only].act in (Act.OPEN, Act.SHUT) else range(len(world.things))
+    return [i for i in boxes if not world.things[i].target and noun in ("", world.things[i].kind)]
+
+
 def abilities(world: WorldModel) -> str:
     """Return what can be done in this world, in a sentence."""
+    if world.only is not None:
+        things = listed([a_name(world, i) for i in _objects(world)])
+        verb = "reach for" if KNOWN[world.only].act is Act.TOUCH else world.only
+        shown = " or ".join(repr(each) for each in offers(world))
+        return f"In this scene I can {verb} {things}, and do nothing else. Say, for example: {shown}"
     can = ["pick things up", "put them somewhere", "stack them"]
     can += ["open and close " + listed([a_name(world, i) for i in world.containers])] if world.containers else []
     can += ["put things in and take them out"] if world.containers else []
@@ -296,7 +313,8 @@ def phrase(world: WorldModel, planner, tokens: list[Token], start: int = 0) -> t
 
 def real(world: WorldModel, refs: Sequence[Ref]) -> list[int]:
     """Return the things of referents, without see-through ones if there are others."""
-    things = list(dict.fromkeys(ref.things[-1] for ref in refs if ref.things and ref.cost < costs.EMPTY))
+    alone = [ref for ref in refs if ref.kind == "thing"] or refs  # rather than stacks that they are in
+    things = list(dict.fromkeys(ref.things[-1] for ref in alone if ref.things and ref.cost < costs.EMPTY))
     return [i for i in things if not world.things[i].target] or things
 
 

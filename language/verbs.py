@@ -44,6 +44,7 @@ class Act(Enum):
     EMPTY = "what is in it goes onto the table"
     SWAP = "two things change places"
     BUILD = "things are stacked"
+    GATHER = "things are put beside each other"
     STORE = "it goes into a container"
     TIDY = "everything goes where it belongs; nothing says where that is"
     IGNORE = "nothing is done"
@@ -468,6 +469,7 @@ FURTHER: dict[str, Verb] = {  # only understood
             "i want, i need, we need, i would like, have"
         ),
     ),
+    "gather": Verb(act=Act.GATHER, words="group together, gather together, put side by side, place side by side"),
     "tidy_up": Verb(
         act=Act.TIDY,
         words=(

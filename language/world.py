@@ -114,6 +114,11 @@ class WorldModel:
         palm = self.things[self.hand]
         return palm.x, palm.y, palm.top, self.hand
 
+    @property
+    def only(self) -> str | None:
+        """The verb that alone can be carried out; None where there are several."""
+        return self.verbs[0] if self.verbs is not None and len(self.verbs) == 1 else None
+
     @cached_property
     def colors(self) -> frozenset[str]:
         """The colours of the things."""
