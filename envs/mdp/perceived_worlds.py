@@ -231,14 +231,16 @@ def _carried(place: Array, there: Array, here: Array) -> Array:
 
 
 def known_things(task: Task, workspace: WorkspaceConfig, grip: GripController) -> KnownThings:
-    """Return what is known of a task's things before any is seen: their sizes and possible nouns, not their number."""
+    """Return what is known of a task's things before any is seen: sizes, nouns, and roles where these are fixed."""
     config = task.config
     layout = config.objects.layout(config.object_size)
     nouns = {*config.nouns} if layout is None else {spec.noun for spec in layout.specs}
     nouns = {*(SHAPES if None in nouns else nouns), *task.fixtures, *task.devices}
+    targets, fixed = task.bodies[2], config.min_objects == config.num_objects
     return KnownThings(
         nouns=np.array([noun in nouns for noun in NOUNS]),
-        targets=task.bodies[2] > 0,
+        targets=targets > 0,
+        roles=(sum(task.bodies), targets) if targets and fixed else None,
         size=config.object_size,
         width=task.device_width,
         fittings={} if task.fittings is None else dict(task.fittings.by_noun),

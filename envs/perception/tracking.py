@@ -57,6 +57,7 @@ FOLLOWS = 0.8  # share of a measured turn that is taken at once while the grippe
 PUSHED = 0.06  # metres beside the gripper's centre within which it covers a handle
 LOW = 0.04  # metres above the middle of a device's handle below which the gripper's tip may be moving it
 COVERED = 0.2  # share of a measured turn that is taken at once of a handle that the gripper covers
+TOLD = 1.0  # least logarithm of the odds of a role that follows from the number of things
 SLIP = 0.03  # metres that a held thing may be seen from where the gripper has taken it
 SAMPLES = 6  # points along each link
 
@@ -65,14 +66,16 @@ SAMPLES = 6  # points along each link
 class KnownThings:
     """What is known of the things before any is seen.
 
-    nouns: (len(NOUNS),) bool, which there may be. targets: whether some may be see-through. size: of loose things,
-    metres. width: of devices, metres. fittings: by the number of their noun. most: how many things are observed.
-    bounds: (2, 3) corners of where things may be, metres. grip_depth, tips: metres from the gripper's centre down to
-    the middle of what it holds, and to its own lowest point.
+    nouns: (len(NOUNS),) bool, which there may be. targets: whether some may be see-through. roles: how many
+    loose things there are in every episode, and how many of these are see-through; None: not always as many. size: of
+    loose things, metres. width: of devices, metres. fittings: by the number of their noun. most: how many things are
+    observed. bounds: (2, 3) corners of where things may be, metres. grip_depth, tips: metres from the gripper's centre
+    down to the middle of what it holds, and to its own lowest point.
     """
 
     nouns: NDArray[np.bool_]
     targets: bool
+    roles: tuple[int, int] | None
     size: float
     width: float
     fittings: dict[int, Fitting]
@@ -204,6 +207,7 @@ class SceneTracker:
         new = np.setdiff1d(np.arange(len(seen)), columns)
         self._miss(rows, moment)
         self._join(seen[new], anchors[new], moment)
+        self._tell_roles()
         self._note_held(moment)
         self._operate(moment)
         self._level()
@@ -465,6 +469,17 @@ class SceneTracker:
         self._next += count
 
     # ---- what is held, and what rests
+
+    def _tell_roles(self) -> None:
+        """Where all loose things were seen, make as many of them see-through as there are: the likeliest ones."""
+        things, roles = self._things, self._known.roles
+        loose = np.flatnonzero(LOOSE[things.nouns.argmax(1)] & (things.hits >= self._config.confirmations))
+        if roles is None or len(loose) != roles[0]:
+            return
+        order = loose[np.argsort(-things.targets[loose], kind="stable")]
+        through, solid = order[: roles[1]], order[roles[1] :]
+        things.targets[through] = np.maximum(things.targets[through], TOLD)
+        things.targets[solid] = np.minimum(things.targets[solid], -TOLD)
 
     def _note_held(self, moment: Moment) -> None:
         """Tell what the gripper has taken hold of: the nearest thing that can be held."""

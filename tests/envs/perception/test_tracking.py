@@ -30,6 +30,7 @@ def known(**changes):
     base = KnownThings(
         nouns=nouns,
         targets=True,
+        roles=None,
         size=SIZE,
         width=WIDTH,
         fittings={},
@@ -177,6 +178,17 @@ def test_an_object_on_its_target_leaves_the_target_where_it_is():
         follows.update(seen(*([each] if each is ball_there else [target, each])), moment())
     assert names(follows.seen()) == [("cube", "green"), ("sphere", "blue")]
     assert follows.seen().targets.tolist() == [True, False]
+
+
+def test_of_as_many_things_as_there_always_are_the_likeliest_are_see_through():
+    purple = (0.3, 0.2, 0.025), "cube", "purple", {"target": 0.2}  # from one side it looks like a solid pink one
+    follows = tracker(roles=(3, 1))
+    for _ in range(12):
+        follows.update(seen(CUBE, purple, BALL), moment())
+    assert follows.seen().targets.tolist() == [False, True, False]
+    follows = tracker(roles=(3, 1))
+    follows.update(seen(CUBE, purple), moment())  # the third is hidden, and may be the see-through one
+    assert not follows.seen().targets.any()
 
 
 def test_nouns_and_targets_that_a_task_lacks_are_not_observed():
