@@ -41,6 +41,8 @@ SCENES = {  # choices of play.py
     "table": {"task": "nl_reach", "workspace": "collabtable"},
     "board": {"task": "rearrange"},
     "pick": {"task": "nl_pick_and_place"},
+    "stack": {"task": "nl_stack"},
+    "pointing": {"task": "nl_reach_gesture"},
 }
 SEED = 3  # of the scenes that the lists were written for
 VERDICTS = {
