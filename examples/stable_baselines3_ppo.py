@@ -5,7 +5,9 @@ worlds step in one process: `WorldsVecEnv` hands a Gymnasium VectorEnv to stable
 
 `Slots` reads the observation in place of stable-baselines3's own extractor, which concatenates everything: with that,
 PPO stays below one success in ten for 300,000 frames, since it has to find out at once which numbers of a sentence and
-which of an object belong together.
+which of an object belong together. It begins by attending to the right object in 114 of 120 scenes. With weights of
+relations that begin at random in place of `MEANT`, seed 0 had 0.80 of 500 episodes after 150,000 frames: 38 % of the
+sentences have a relation, and PPO hardly learned them. With `MEANT` it is not measured yet.
 """
 
 from __future__ import annotations
@@ -25,18 +27,30 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from torch import Tensor, nn
 
 import envs  # noqa: F401  registers the ids
+from language import Tokenizer
 from language.embedding import PHRASE_WIDTH, PHRASES
 
 PLACE, COLOR, SHAPE = slice(0, 3), slice(7, 10), slice(11, 14)  # columns of a row of `objects`
 SCALE, SHARP = 5.0, 4.0  # offsets of 0.2 m count as 1; factor of how an object fits
+MEANT = {  # along x, y and z, and away from the object of the phrase that follows
+    "left": (0.0, 1.0, 0.0, 0.0),
+    "right": (0.0, -1.0, 0.0, 0.0),
+    "behind": (1.0, 0.0, 0.0, 0.0),
+    "front": (-1.0, 0.0, 0.0, 0.0),
+    "near": (0.0, 0.0, 0.0, -1.0),
+    "nearest": (0.0, 0.0, 0.0, -1.0),
+    "farthest": (0.0, 0.0, 0.0, 1.0),
+    "between": (0.0, 0.0, 0.0, -1.0),
+}
 EVALUATED = 10**6  # seed of evaluations
 
 
 class Slots(BaseFeaturesExtractor):
     """The object that the words mean, by attention: its row, and its offset from the gripper, beside `robot`.
 
-    An object's score is how it fits the first phrase of the sentence, plus its offsets and distances from the objects
-    that fit the other phrases, and from the middle of all, with weights that are linear in the words, and learned.
+    An object's score is how it fits the first phrase of the sentence, unless it fits another phrase, plus its offsets
+    and distances from the objects that fit the others, and from the middle of all. Their weights are linear in the
+    words; they begin with what `MEANT` says and are learned.
     """
 
     def __init__(self, space: gymnasium.spaces.Dict) -> None:
@@ -45,6 +59,14 @@ class Slots(BaseFeaturesExtractor):
         joints = (robot - 10) // 2
         self.gripper = slice(2 * joints, 2 * joints + 3)
         self.weights = nn.Linear(space["instruction"].shape[0], 4 * PHRASES)
+        nn.init.zeros_(self.weights.weight)
+        nn.init.zeros_(self.weights.bias)
+        vocabulary = Tokenizer.default().vocabulary
+        with torch.no_grad():
+            for word, of_offsets in MEANT.items():
+                column = PHRASES * PHRASE_WIDTH + vocabulary.index(word)
+                for row in (0, 4) if word == "between" else (0,):
+                    self.weights.weight[row : row + 4, column] = SHARP * torch.tensor(of_offsets)
 
     def forward(self, observation: dict[str, Tensor]) -> Tensor:
         """(B, F) features."""
@@ -57,7 +79,8 @@ class Slots(BaseFeaturesExtractor):
         offsets = SCALE * (rows[:, :, None, PLACE] - torch.cat((others, middle[:, None]), 1)[:, None])
         said = torch.cat((phrases[:, 1:, 0], torch.ones_like(phrases[:, :1, 0])), 1)[:, None, :, None]
         places = (said * torch.cat((offsets, offsets.norm(dim=-1, keepdim=True)), -1)).flatten(2)
-        scores = SHARP * fits[..., 0] + (places @ self.weights(observation["instruction"])[..., None])[..., 0]
+        meant = fits[..., 0] - (attention[..., 1:] * said[..., :-1, 0]).sum(-1)
+        scores = SHARP * meant + (places @ self.weights(observation["instruction"])[..., None])[..., 0]
         row = (scores.masked_fill(~shown, -1e9).softmax(1)[..., None] * rows).sum(1)
         return torch.cat((robot, SCALE * (row[:, PLACE] - robot[:, self.gripper]), row), 1)
 
@@ -77,8 +100,8 @@ SETTINGS: dict[str, Any] = {
     "n_epochs": 6,
     "gamma": 0.9,
     "gae_lambda": 0.9,
-    "learning_rate": lambda left: 1.5e-3 * left,
-    "policy_kwargs": {"features_extractor_class": Slots, "log_std_init": -0.7},
+    "learning_rate": lambda left: 1e-3 * left,
+    "policy_kwargs": {"features_extractor_class": Slots, "log_std_init": -0.7, "ortho_init": False},
 }
 
 
