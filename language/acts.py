@@ -123,8 +123,8 @@ _OPENING = re.compile(
     r"|can you tell me|could you tell me|i wonder|i want to know|please tell me|tell me please|can you say|just"
     r"|would you tell me|do you remember|remind me|i would like to know|explain|let me know|also|,) )+"
 )
-_ABLE = (  # about things in general
-    r"^(?:can|could|are) you (?!.*\b(?:the|those|these|all|both|two|three|four|my|your|please)\b)(?:\w+ ){1,5}"
+ABLE = re.compile(  # about things in general
+    r"^(?:can|could|are) you (?:\w+ ){1,3}"
     r"(?:things|stuff|objects|items|cubes|blocks|towers|stacks|drawers|doors|buttons|levers|wheels)"
     r"(?: up| down| out| together| around| over)?$"
 )
@@ -133,7 +133,7 @@ _ASKING = re.compile(
     r"|^(?:is|are|was|were|does|did|has|am) |^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
     r"|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep|dream|fit)\b"
     r"|^(?:do|can) (?:you|we) have\b"
-    rf"|{_ABLE}"
+    rf"|{ABLE.pattern}"
     r"|^(?:do|did) (?:you|i|we|they)\b|^(?:can|could|may|should) (?:i|one) (?!have\b|get\b|please\b)"
     r"|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
     r"|^(?:would|does|will|could|can) (?!you\b|we\b|i\b)(?!.*\bplease\b).*\b(?:fit|go|work)\b"
@@ -189,7 +189,7 @@ def question(text: str) -> str | None:
     named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"
     named += r"|what(?:ever)? \w+ (?:holds|contains|hides) .*\b(?:on|in|to)\b"
     requests = plain != asked and re.match(rf"(?:{verb_words()})\b", plain) and not _PROPOSED.match(asked)
-    requests = requests and not re.match(_ABLE, asked)
+    requests = requests and not ABLE.match(asked)
     return None if requests or re.match(named, asked) else asked  # "what I want is", "what you hold, put it down"
 
 

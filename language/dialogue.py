@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from language import costs
-from language.acts import CONDITION, IDLE, SAME, Part, act_of, parts_of, proposal, question, says, times
+from language.acts import ABLE, CONDITION, IDLE, SAME, Part, act_of, parts_of, proposal, question, says, times
 from language.errors import NotUnderstood
 from language.lattice import vocabulary
 from language.meanings import Gesture, Measure, Pointed, Reading, gestures
@@ -47,6 +47,7 @@ _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b"
 _STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
 LITTLE = {"bit", "little", "smidge", "smidgen", "tad", "touch", "hair", "notch"}
 IT_SHALL = re.compile(r"(?:please )?(?:do (?:it|so|that)|then do|please do|make it so)\W*$")
+_CERTAIN = re.compile(r"\b(?:the|those|these|all|both|two|three|four|my|your|please)\b", re.IGNORECASE)
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
 
@@ -148,17 +149,6 @@ class Dialogue(Replies):
         if number > 1 and act_of([token.text for token in words]) in ("yes", "again"):
             return self._again(text, number) or self._nothing(text, "again")
         planner = self.planner(made)
-        outcome = self._weighed(text, words, planner, number, same)
-        under = isinstance(outcome, Refusal) and " is under the " in outcome.text and outcome.reason == "impossible"
-        if not (under and self.now.cells):
-            return outcome
-        planner = self.planner(made)
-        planner.clears = True
-        again = self._weighed(text, words, planner, number, same)
-        return again if isinstance(again, Plan) else outcome
-
-    def _weighed(self, text: str, words: list[Token], planner: Planner, number: int, same: bool) -> Outcome:
-        """Return the outcome of the plain words of a command, an answer or a correction."""
         found = choices(words, planner, times=number)
         likely = sorted(found.readings, key=lambda reading: reading.cost)
         outcome: Outcome | None = None
@@ -326,6 +316,8 @@ class Dialogue(Replies):
             later = [i for i in range(at, len(parts) - 1) if parts[i].mark in ".!?"]
             end = later[0] if later else len(parts) - 1
             asked = question(" , ".join(" ".join(each.words) for each in parts[at : end + 1]))
+            if asked is not None and ABLE.match(asked) and _CERTAIN.search(sentence):  # "can you stack the cubes?"
+                asked = None
             if asked is None and at == 0 and self.open_question() is None and (again := self._asked_again(rest)):
                 asked = again
             if asked is None:

@@ -333,7 +333,8 @@ class Planner(Steps):
             return self._them(plan, act, entity)
         refs = self.resolver(world, plan.it, None, plan.mentioned, plan.box).resolve(entity)
         refs = [ref for ref in refs if ref.things and all(allows(world, act, i) for i in ref.things[-1:])] or refs
-        things = list(dict.fromkeys(i for ref in refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
+        alone = [ref for ref in refs if len(ref.things) == 1] if act in (Act.BUILD, Act.GATHER) else refs
+        things = list(dict.fromkeys(i for ref in alone or refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
         things = [i for i in things if not world.things[i].target] or things  # "all cubes" moves the real ones
         if entity.every and entity.number and len(things) < entity.number and entity.noun is not None:  # "both cubes"
             return replace(plan, failure=f"{len(things)} things fit", reason="nothing", entity=entity)
@@ -555,9 +556,7 @@ class Planner(Steps):
         entity = clause.entity
         if entity is None:
             return replace(plan, failure="it is not said what to stack", reason="where")
-        things = self._several(
-            plan, replace(clause, verb=CARRY), replace(entity, any=True) if entity.number else entity
-        )
+        things = self._several(plan, clause, replace(entity, any=True) if entity.number else entity)
         if isinstance(things, Draft):
             return things
         stacks = clause.act is Act.BUILD

@@ -62,7 +62,7 @@ class Steps:
     it, mentioned: the things of the dialogue. others: what "the other one" means there. recent: all, the last first.
     boxes: the container spoken of last, which is no other one.
     help: whether the scene helps to select. gestures: those of the sentence. box: the container spoken of last.
-    effort: phrases weighed and steps tried so far. clears: whether what stands on a thing is put aside on a board, too.
+    effort: phrases weighed and steps tried so far.
     """
 
     world: WorldModel
@@ -75,7 +75,6 @@ class Steps:
     others: tuple[int, ...] = ()
     recent: tuple[int, ...] = ()
     boxes: tuple[int, ...] = ()
-    clears: bool = False
     _resolvers: dict[tuple, Resolver] = field(default_factory=dict)
     _usable: dict[tuple, Any] = field(default_factory=dict)
     _sequences: dict[tuple, list[Draft]] = field(default_factory=dict)
@@ -346,7 +345,7 @@ class Steps:
         world = plan.world
         why = obstacle(world, (index,))
         over = world.above[index]
-        if over is not None and (self.clears or not world.cells) and world.is_loose(index):
+        if over is not None and not world.cells and world.is_loose(index):
             plan = self._ready(plan)
             top = over
             while (above := plan.world.above[top]) is not None:

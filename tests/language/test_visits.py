@@ -179,3 +179,22 @@ def test_closer_to_me_is_away_from_the_robot_where_no_hand_is_held_out(viewpoint
     scene = Scene([Object("cube", "gray", (0.44, 0.1, 0.025)), Object("cube", "green", (0.44, -0.1, 0.025))], viewpoint)
     step = Dialogue().answer("put the gray cube 5 cm closer to me", scene).steps[-1]
     assert step.place == pytest.approx((0.49, 0.1), abs=0.01)
+
+
+def test_things_in_general_are_asked_about_and_certain_things_are_meant():
+    world = room()
+    assert isinstance(Dialogue().answer("can you stack cubes", world), Answer)
+    assert not isinstance(Dialogue().answer("can you pick up the red cube", world), Answer)
+    assert not isinstance(Dialogue().answer("can you stack the cubes", world), Answer)
+
+
+def test_a_row_of_a_board_is_made_of_what_was_named():
+    step = Dialogue().answer("line the pink cubes up", board(BLOCKS)).steps[-1]
+    assert step.object in (0, 1)
+
+
+@pytest.mark.parametrize("sentence", ["put the pink cube beside the other pink cube", "put the pink cubes together"])
+def test_either_of_a_pair_may_go_to_the_other(sentence):
+    outcome = Dialogue().answer(sentence, board(BLOCKS))
+    assert isinstance(outcome, Plan)
+    assert {step.object for step in outcome.steps} <= {0, 1}
