@@ -10,7 +10,7 @@
 
 `benchmarks/rows.yaml` declares the rows, `benchmarks/store.py` describes the store. A run that has its result is not
 made again. One that was killed goes on with the command at which it was, by the program's own resume where it has one,
-unless the commit is another one. A run that takes longer than its budget has no result.
+unless the commit is another one. A try that takes longer than the row's budget is ended, and the next one goes on.
 """
 
 from __future__ import annotations
@@ -80,8 +80,9 @@ class StepRunner:
                 raise RunError(f"{self.name} is being run by another process") from None
             commands = self.book.commands(self.row, self.seed)
             state = self._state(commit(self.book.root))
+            start = time.monotonic()  # of this try, to which the budget applies
             for number in range(state["done"], len(commands)):
-                state["seconds"] += self._step(number, commands[number], lock.fileno(), state["seconds"])
+                state["seconds"] += self._step(number, commands[number], lock.fileno(), time.monotonic() - start)
                 state["done"] = number + 1
                 self._progress.write_text(json.dumps(state))
             return self._result(state["seconds"], commands), self.book.hashes(self._loaded())
