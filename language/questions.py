@@ -290,7 +290,7 @@ class Questions(SelfAnswers):
             return self.exists(match)
         things, stated, head, rest = found
         if not things:
-            return f"no: there is no {_plain(head)} here"
+            return f"no: there is no {_plain(re.sub(r'^there (?:an? |any |some )?', '', head))} here"
         fits = [i for i in things if stated.holds(i)]
         if re.match(rf"(?:there |any )*{_ANY}\b", head):
             fits = [i for i in fits if self.world.is_loose(i)] or fits

@@ -91,6 +91,13 @@ class SelfAnswers:
         turn, plan = plans[0 if re.search(r"\bfirst\b", text) else -1]
         return f"I did this: {said(turn.world, plan.steps)}"
 
+    def marks(self, match: re.Match[str]) -> str | None:
+        """Say what see-through things are for."""
+        through = [i for i, thing in enumerate(self.world.things) if thing.target]
+        if not through:
+            return "nothing here is see-through"
+        return f"a see-through thing marks a place to put things at, and cannot be taken: {self.names(through)}"
+
     def told(self, match: re.Match[str]) -> str | None:
         """Say what the person said before."""
         turn = self.turns[0 if re.search(r"\bfirst\b", match.string) else -1] if self.turns else None

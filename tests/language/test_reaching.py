@@ -96,3 +96,17 @@ def test_a_name_for_two_things_is_asked_about():
     outcome = said("the cube")
     assert isinstance(outcome, Question)
     assert set(outcome.candidates) == {PURPLE, PINK}
+
+
+def test_whether_there_is_a_kind_of_thing_is_answered_by_its_name():
+    assert said("is there a ball on the table").text == "No: there is no ball here."
+
+
+@pytest.mark.parametrize("sentence", ["did that work?", "did it really work"])
+def test_whether_it_worked_is_a_question_and_moves_nothing(sentence):
+    assert said("reach the pink cube", sentence).text == "I did this: reach the pink cube."
+
+
+@pytest.mark.parametrize("sentence", ["why are some of them see through?", "what are the transparent ones for?"])
+def test_what_see_through_things_are_for_is_told(sentence):
+    assert said(sentence).text == "Nothing here is see-through."
