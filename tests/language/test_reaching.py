@@ -110,3 +110,10 @@ def test_whether_it_worked_is_a_question_and_moves_nothing(sentence):
 @pytest.mark.parametrize("sentence", ["why are some of them see through?", "what are the transparent ones for?"])
 def test_what_see_through_things_are_for_is_told(sentence):
     assert said(sentence).text == "Nothing here is see-through."
+
+
+def test_that_something_was_not_seen_is_no_command():
+    assert (
+        said("reach the pink cube", "did that work? i couldnt see from here").text == "I did this: reach the pink cube."
+    )
+    assert not isinstance(said("reach the pink cube", "i can not see it"), Plan)
