@@ -3,11 +3,12 @@
 It needs `pip install deixis stable-baselines3`. `SETTINGS` has all settings that are not stable-baselines3's own. All
 worlds step in one process: `WorldsVecEnv` hands a Gymnasium VectorEnv to stable-baselines3, and serves HER too.
 
-`Slots` reads the observation in place of stable-baselines3's own extractor, which concatenates everything: with that,
-PPO stays below one success in ten for 300,000 frames, since it has to find out at once which numbers of a sentence and
-which of an object belong together. It begins by attending to the right object in 114 of 120 scenes. With weights of
-relations that begin at random in place of `MEANT`, seed 0 had 0.80 of 500 episodes after 150,000 frames: 38 % of the
-sentences have a relation, and PPO hardly learned them. With `MEANT` it is not measured yet.
+`Slots` reads the observation in place of stable-baselines3's own extractor, which concatenates everything. With that,
+and an earlier embedding, PPO stayed below 0.10 for 300,000 frames. It begins by attending to the right object in 114 of
+120 scenes; PPO learns the arm, and changes it. Success in 200 episodes, seed 0, on a busy machine, by
+`python examples/stable_baselines3_ppo.py --interval 25000 --episodes 200`: 0.935 after 25,008 frames, 0.92 after 50,000
+and 0.915 (0.868-0.946) after 300,000, in 981 s. With weights of relations that begin at random in place of `MEANT`:
+0.80 of 500 after 150,000, since 38 % of the sentences have one.
 """
 
 from __future__ import annotations
