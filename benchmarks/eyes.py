@@ -28,6 +28,7 @@ import torch
 from core.cameras import CameraFrame, Light, project
 from core.overrides import apply, compose
 from envs.config import read_env
+from envs.mdp.object_rows import COLOR
 from envs.mdp.perceived_worlds import PerceivedWorlds, Reader
 from envs.perception.camera_reader import CameraReader, Gripper
 from envs.perception.detections import Detections, View, check_picture
@@ -38,7 +39,7 @@ from envs.sim.appearance import Appearance
 from envs.workspace_env import WorkspaceEnv
 
 WORLDS = 10
-RGBA = slice(7, 11)  # columns of an object's row
+RGBA = slice(COLOR.start, COLOR.stop + 1)  # of an object's row: its colour, and how see-through it is
 OCCLUDED = "a third of each object hidden"
 UNNOTICED = (("camera moved by 5 mm, unnoticed", 0.005, 0.0), ("camera turned by 0.5 degrees, unnoticed", 0.0, 0.5))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,7 +17,7 @@ from language.viewpoint import whose_left
 from language.world import WorldModel
 
 
-class SelfAnswers:
+class SelfAnswers(ABC):
     """Answers of the robot about itself; `language.questions.Questions` has the phrases that they need."""
 
     world: WorldModel
@@ -25,20 +26,21 @@ class SelfAnswers:
     things: list[int]
     pointed: list[int]
 
+    @abstractmethod
     def refs(self, text: str) -> tuple[Any, list[int]]:
         """Return the phrase in some words and the things that it fits."""
-        raise NotImplementedError
 
+    @abstractmethod
     def subject(self, text: str) -> list[int] | None:
         """Return the things that a question is about; None if the words name none."""
-        raise NotImplementedError
 
+    @abstractmethod
     def names(self, things: Sequence[int]) -> str:
         """Return the names of things, as in a sentence."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _told(self, index: int, about: str) -> str:
-        raise NotImplementedError
+        """Return what is so of a thing."""
 
     # ---- The gripper and the person's hand
 

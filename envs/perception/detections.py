@@ -16,6 +16,17 @@ Array = NDArray[np.float64]
 NOUN_NAMES, COLOR_NAMES = tuple(NOUNS), tuple(COLORS)
 
 
+def probabilities(logs: Array) -> Array:
+    """(T, C) probabilities from logarithms of evidence (T, C)."""
+    odds = np.exp(logs - logs.max(1, keepdims=True))
+    return odds / odds.sum(1, keepdims=True)
+
+
+def probability(log_odds: Array) -> Array:
+    """Return the probabilities of such logarithms of odds."""
+    return 1 / (1 + np.exp(-log_odds))
+
+
 class UnusablePicture(ValueError):
     """A picture in which nothing can be seen. The text is one sentence that names the camera and what is wrong."""
 

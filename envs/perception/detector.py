@@ -13,7 +13,7 @@ from torch import Tensor
 
 from core.cameras import Camera, CameraFrame
 from envs.perception.assignment import assignment
-from envs.perception.detections import NOUN_NAMES, Detections, View
+from envs.perception.detections import NOUN_NAMES, Detections, View, probabilities, probability
 from envs.perception.network import CELL, HEIGHT_UNIT, PART, SIZE_UNIT, SightNetwork, camera_numbers, folded
 from envs.perception.poses import CUBE, LEVER, WHEEL, wheel_shares, wrapped
 from envs.perception.tracking import QUARTER
@@ -79,7 +79,7 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     pixels, numbers = pixels[kept], {name: rows[kept, part] for name, part in PART.items()}
     heights = numbers["height"][:, 0] * HEIGHT_UNIT
     spread = np.exp(numbers["spread"].clip(-5.0, 2.0)) * np.sqrt(2.0)
-    nouns = _softmax(numbers["noun"])
+    nouns = probabilities(numbers["noun"])
     positions, covariances = _placed(
         camera, frame, pixels=pixels, heights=heights, blur=spread[:, 0] * CELL, rise=spread[:, 1] * HEIGHT_UNIT
     )
@@ -96,12 +96,12 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
         positions=positions,
         covariances=covariances,
         nouns=nouns,
-        colors=_softmax(numbers["color"]),
+        colors=probabilities(numbers["color"]),
         sizes=numbers["size"][:, 0] * SIZE_UNIT,
         yaws=yaws,
         shares=np.clip(shares, 0.0, 1.0),
-        targets=_sigmoid(numbers["target"][:, 0]),
-        presence=_sigmoid(numbers["heat"][:, 0]),
+        targets=probability(numbers["target"][:, 0]),
+        presence=probability(numbers["heat"][:, 0]),
     )
 
 
@@ -123,15 +123,6 @@ def _firsts(same: NDArray[np.bool_]) -> list[int]:
         if not same[k, kept].any():
             kept.append(k)
     return kept
-
-
-def _softmax(numbers: Array) -> Array:
-    shares = np.exp(numbers - numbers.max(1, keepdims=True))
-    return shares / shares.sum(1, keepdims=True)
-
-
-def _sigmoid(numbers: Array) -> Array:
-    return 1 / (1 + np.exp(-numbers))
 
 
 def _placed(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from envs.perception.assignment import assignment
 from envs.perception.config import PerceptionConfig
-from envs.perception.detections import Array, Detections
+from envs.perception.detections import Array, Detections, probabilities, probability
 from envs.perception.device_contact import TIP_RADIUS, pressed, pushed, within_devices
 from envs.perception.fitting_track import JUMP, KEPT, LEAST, NEAR, NOISE, FollowedFitting, length
 from envs.perception.poses import (
@@ -302,9 +302,9 @@ class SceneTracker:
         near = 0.5 * (offset * np.linalg.solve(spread, offset[..., None])[..., 0]).sum(-1)
         moved = JUMP + (offset * offset).sum(-1) / JUMPED**2
         moved = np.where(self._devices[:, None], np.inf, moved)
-        alike = -np.log(np.maximum(_probabilities(things.nouns) @ seen.nouns.T, LEAST))
-        alike -= np.log(np.maximum(_probabilities(things.colors) @ np.maximum(seen.colors, LEAST).T, LEAST))
-        target = 1 / (1 + np.exp(-things.targets))[:, None]
+        alike = -np.log(np.maximum(probabilities(things.nouns) @ seen.nouns.T, LEAST))
+        alike -= np.log(np.maximum(probabilities(things.colors) @ np.maximum(seen.colors, LEAST).T, LEAST))
+        target = probability(things.targets)[:, None]
         alike -= np.log(np.maximum(target * seen.targets + (1 - target) * (1 - seen.targets), LEAST))
         cost = np.minimum(near, moved) + alike
         rows, columns = assignment(np.minimum(cost, WORST))
@@ -569,12 +569,6 @@ class SceneTracker:
 def _fitting_id(noun: int) -> int:
     """Return the id of the fitting with this noun's number."""
     return NOTHING - 1 - noun
-
-
-def _probabilities(logs: Array) -> Array:
-    """(T, C) probabilities from logarithms of evidence (T, C)."""
-    odds = np.exp(logs - logs.max(1, keepdims=True))
-    return odds / odds.sum(1, keepdims=True)
 
 
 def _between(screens: Array, widths: Array, places: Array, cameras: Array) -> NDArray[np.bool_]:
