@@ -2,11 +2,15 @@
 
 The package uses neither physics nor robots. Positions are in metres in the workspace frame: origin at
 the robot's base on the table top, x away from the robot, y to the robot's left, z up.
+
+`Dialogue` and `interpret` are imported when they are first used: environments and policies need neither, so that
+results of policies stay valid when only the understanding of what people type changes.
 """
+
+from typing import TYPE_CHECKING, Any
 
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
 from language.describing import DEFAULT_KINDS, Describer, describe
-from language.dialogue import Dialogue, interpret
 from language.embedding import SentenceEmbedding
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
 from language.generator import KINDS
@@ -35,6 +39,9 @@ from language.verbs import LIFTED, VERBS, Verb
 from language.viewpoint import VIEWPOINTS, Viewpoint, whose_left
 from language.wording import Wording
 from language.world import Thing, WorldModel, board, table
+
+if TYPE_CHECKING:
+    from language.dialogue import Dialogue, interpret
 
 __all__ = [
     "COLORS",
@@ -122,3 +129,11 @@ __all__ = [
     "unregister",
     "whose_left",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in ("Dialogue", "interpret"):
+        from language import dialogue
+
+        return getattr(dialogue, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
