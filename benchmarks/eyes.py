@@ -8,15 +8,18 @@
 Each condition changes one thing, by at least as much as the training varies it, and draws it anew in each episode.
 Cameras that moved are calibrated where they are, but for the last rows, where nobody noticed. `--told` compares what a
 policy is told of its scene when an episode begins, after all cameras and the tracker, with what is there. `--time`
-prints the milliseconds that perception takes of a control step, without the pictures.
+prints the milliseconds that perception takes of a control step, without the pictures. With `--json` each condition,
+task or time is a line of JSON.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +29,9 @@ import numpy as np
 import torch
 
 from core.cameras import CameraFrame, Light, project
+from core.errors import ConfigError, did_you_mean
 from core.overrides import apply, compose
+from core.program import program
 from envs.config import read_env
 from envs.mdp.object_rows import COLOR
 from envs.mdp.perceived_worlds import PerceivedWorlds, Reader
@@ -41,6 +46,7 @@ from envs.workspace_env import WorkspaceEnv
 WORLDS = 10
 RGBA = slice(COLOR.start, COLOR.stop + 1)  # of an object's row: its colour, and how see-through it is
 OCCLUDED = "a third of each object hidden"
+TOLD = ("nl_reach", "nl_pick_and_place", "nl_reach_gesture", "anything")  # tasks of --told
 UNNOTICED = (("camera moved by 5 mm, unnoticed", 0.005, 0.0), ("camera turned by 0.5 degrees, unnoticed", 0.0, 0.5))
 
 
@@ -178,20 +184,12 @@ def told(words: list[str], episodes: int, seed: int) -> dict[str, Any]:
     shares = {name: counts[name] / counts["told"] for name in ("noun", "color")}
     shares |= {name: counts[name] / counts["things"] for name in ("missed", "invented")}
     median, high = np.quantile(np.concatenate(gaps), (0.5, 0.95))
-    return {"things": counts["things"], "median_mm": median, "p95_mm": high, **shares}
+    figures = {"median_mm": median, "p95_mm": high, **shares}
+    return {"things": int(counts["things"]), **{name: float(value) for name, value in figures.items()}}
 
 
-def print_told(episodes: int, seed: int) -> None:
-    """Print how right the scenes are that policies are told."""
-    for words in (["task=nl_reach"], ["task=nl_pick_and_place"], ["task=nl_reach_gesture"], ["task=anything"]):
-        figures = ", ".join(f"{name} {value:.4g}" for name, value in told(words, episodes, seed).items())
-        print(f"{' '.join(words)}: {figures}", flush=True)
-
-
-def print_time() -> None:
-    """Print the milliseconds on one core of perception in a control step: network and fusion, tracker; and pictures."""
-    for words in (["task=nl_reach"], ["task=anything"], ["task=nl_reach", "robot=panda"]):
-        _print_picture_time(words)
+def perception_times() -> dict[str, float]:
+    """Return the median milliseconds on one core of a control step's network and fusion, and of its tracker."""
     torch.set_num_threads(1)
     config = read_env(compose(["task=nl_reach", "perception=camera"])).without_curriculum()
     with closing(WorkspaceEnv(config, 1, 0, render=True)) as env:
@@ -202,59 +200,79 @@ def print_time() -> None:
         views = reader._cameras.views(reader._cameras.pictures(env._worlds[0], gripper), gripper)
         frames = env.kinematics.frames(arrays.angles)[..., :3, :][:, 0]
         seen, moment = reader._detector(views), perceived._moment(0, frames)[0]
-        print(f"network and fusion: {_timed(lambda: reader._detector(views))}")
-        print(f"tracker: {_timed(lambda: perceived._trackers[0].update(seen, moment))}")
+        network = _milliseconds(lambda: reader._detector(views))
+        tracker = _milliseconds(lambda: perceived._trackers[0].update(seen, moment))
+    return {"network_and_fusion_ms": network, "tracker_ms": tracker, "perception_ms": network + tracker}
 
 
-def _print_picture_time(words: list[str]) -> None:
-    """Print how long a picture of the front camera takes: with furniture drawn once, and all anew."""
+def picture_times(words: list[str]) -> dict[str, Any]:
+    """Return the median milliseconds of the front camera's picture: with furniture drawn once, and all anew."""
     config = read_env(compose(words)).without_curriculum()
     with closing(WorkspaceEnv(config, 1, 0, render=True)) as env:
         env.reset()
         world, camera = env._worlds[0], config.workspace.cameras["front"]
         gripper = env._arrays.pose.position[0], env._arrays.pose.rotation[0]
-        print(f"picture, {' '.join(words)}, {camera.width} x {camera.height}: furniture drawn once", end=" ")
-        print(_timed(lambda: world.picture(camera, gripper)), end="; all anew ")
-        print(_timed(lambda: world.photograph(camera, gripper)))
+        once = _milliseconds(lambda: world.picture(camera, gripper))
+        anew = _milliseconds(lambda: world.photograph(camera, gripper))
+    size = f"{camera.width} x {camera.height}"
+    return {"picture": " ".join(words), "size": size, "furniture_once_ms": once, "all_anew_ms": anew}
 
 
-def _timed(function: Callable[[], Any]) -> str:
-    """Return how long 200 calls take, each."""
+def _milliseconds(function: Callable[[], Any]) -> float:
+    """Return the median milliseconds of 200 calls."""
     times = []
     for _ in range(200):
         began = time.perf_counter()
         function()
         times.append(1000 * (time.perf_counter() - began))
-    return f"{np.median(times):.2f} ms, least {min(times):.2f} ms"
+    return float(np.median(times))
 
 
-def main() -> None:
+def results(given: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Yield what the options ask for: conditions, tasks or times, each with its figures."""
+    if given.told:
+        for task in TOLD:
+            if given.only in (None, task):
+                yield {"task": task, **told([f"task={task}"], given.episodes, given.seed)}
+    elif given.time:
+        for words in (["task=nl_reach"], ["task=anything"], ["task=nl_reach", "robot=panda"]):
+            yield picture_times(words)
+        yield perception_times()
+    else:
+        torch.set_num_threads(1)
+        for name, condition in conditions():
+            if given.only in (None, name):
+                yield {"condition": name, **evaluated(given.checkpoint, given.episodes, given.seed, **condition)}
+
+
+def line(result: dict[str, Any]) -> str:
+    """Return a result as a line for people."""
+    if "condition" in result:
+        low, high = result["ci95"]
+        share = f"{result['success_at_end']:.3f} ({low:.3f} to {high:.3f})"
+        return f"{result['condition']:46}{share}, {result['episodes']} episodes"
+    figures = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in result.items()}
+    return ", ".join(f"{name} {value}" for name, value in figures.items())
+
+
+def main(words: list[str]) -> None:
+    """Print what the options ask for. Raises ConfigError for a name that no condition and no task has."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--checkpoint", default="nl_reach_kuka")
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", help="one condition")
-    parser.add_argument("--told", action="store_true", help="print how right the scenes are that policies are told")
-    parser.add_argument("--time", action="store_true", help="print how long perception takes")
-    parser.add_argument("--out", type=Path, help="a file to which the rows are added")
-    given = parser.parse_args()
-    if given.told:
-        print_told(given.episodes, given.seed)
-        return
-    if given.time:
-        print_time()
-        return
-    torch.set_num_threads(1)
-    for name, condition in conditions():
-        if given.only in (None, name):
-            result = evaluated(given.checkpoint, given.episodes, given.seed, **condition)
-            low, high = result["ci95"]
-            row = f"{name:46}{result['success_at_end']:.3f} ({low:.3f} to {high:.3f}), {result['episodes']} episodes"
-            print(row, flush=True)
-            if given.out:
-                with given.out.open("a") as file:
-                    file.write(row + "\n")
+    parser.add_argument("--only", help="one condition, or with --told one task")
+    parser.add_argument("--told", action="store_true", help="how right the scenes are that policies are told")
+    parser.add_argument("--time", action="store_true", help="how long perception takes")
+    parser.add_argument("--json", action="store_true", help="lines of JSON")
+    given = parser.parse_args(words)
+    known = TOLD if given.told else [name for name, _ in conditions()]
+    if given.only not in (None, *known):
+        raise ConfigError(f"--only {given.only} is not known" + did_you_mean(given.only, known))
+    for result in results(given):
+        print(json.dumps(result) if given.json else line(result), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    with program():
+        main(sys.argv[1:])
