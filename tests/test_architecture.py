@@ -180,6 +180,12 @@ def test_a_light_module_loads_no_heavy_library(module, heavy):
     assert found.stdout.split() == []
 
 
+def test_the_evaluation_of_a_policy_does_not_load_the_dialogue():
+    code = "import sys, envs.workspace_env, evaluate, trainers.evaluation.evaluation; print(*sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert not {"language.dialogue", "language.talk", "language.settling"} & set(found.stdout.split())
+
+
 def test_no_file_is_too_long():
     lengths = {path.as_posix(): len((ROOT / path).read_text("utf-8").splitlines()) for path in written()}
     assert {name: lines for name, lines in lengths.items() if lines > MAX_FILE_LINES} == {}
