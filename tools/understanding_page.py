@@ -1,7 +1,7 @@
 """The page "What it understands": `python -m tools.understanding_page` writes docs/understanding.md.
 
-Words come from the table of verbs, `language/words.yaml` and `language/wordings.yaml`; figures from docs/treebank.json
-and docs/instructions.json.
+Words come from the table of verbs and from `language/words.yaml`; figures from docs/treebank.json and
+docs/instructions.json.
 """
 
 from __future__ import annotations
@@ -9,13 +9,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from language import words
-from language.verbs import KNOWN, Act
+from language.verbs import KNOWN
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE, FIGURES, SETS = DOCS / "understanding.md", DOCS / "treebank.json", DOCS / "instructions.json"
 NOTE = "<!-- Written by `python -m tools.understanding_page`; do not edit. -->"
+SHOWN = 12  # phrases of a meaning
+MANY, WEAK = 10, 0.75  # a kind of sentences is named with at least MANY of them, and below this share as expected
 TITLES = {
     "relations": "Relations and places",
     "directions": "Directions",
@@ -36,9 +39,9 @@ Everything that a person types goes one way, on a table, on a board and in a roo
 text -> plain words -> readings -> things and places of one world -> plan, question, answer, refusal or signal
 ```
 
-A sentence of the [instruction language](language.md) names each object exactly and is read first. Other sentences are
-read by a chart that keeps every reading; the cheapest plan that can be carried out is chosen. Trained policies never
-read these sentences: each step of a plan is said to them in the instruction language.
+A sentence of the [instruction language](language.md) is read first. Other sentences are read by a chart that keeps
+every reading; the cheapest plan that can be carried out is chosen. Trained policies never read these sentences: each
+step of a plan is said to them in the instruction language.
 
 ```python
 from language import Dialogue, Object, Plan, Scene
@@ -67,8 +70,8 @@ room with something in the gripper, things in a drawer, and a drawer that is ope
 | `Signal` | the sentence is about the motion: "stop", "wait", "go on", "home", "undo", "faster" | `control`, \
 `steps` |
 
-A plan has steps that nobody said where they are needed, and its notes say so: "I open the blue drawer first". A
-question is never carried out, and a sentence with words that may change its meaning is never carried out in part.
+A plan has the steps that are needed but were not said, and its notes name them: "I open the blue drawer first". A
+sentence with words that may change its meaning is never carried out in part.
 
 ```python
 from language import table
@@ -80,41 +83,44 @@ plan = Dialogue().answer("could you put the red cube in the drawer and close it?
 assert [step.verb for step in plan.steps] == ["open", "lift", "put_in", "close"]
 ```
 
-Gestures go with "this", "that", "here" and "there": `interpret("take this", scene, pointed=[0])`. Boards and tables
-are files, too: `language.scene_file.read_world` reads them; [board.yaml](examples/board.yaml) is an example.
+A gesture goes with "this", "that", "here" and "there": `interpret("take this", scene, pointed=[0])`.
+`language.scene_file.read_world` reads boards and tables from files such as [board.yaml](examples/board.yaml).
 """
 FRESH = """\
-What a stranger may expect: sentences for the room by people who did not know the grammar, measured before anybody who
-develops it read them. The expectations allow several outcomes; "as expected" includes right questions and refusals.
+What a stranger may expect: sentences for the room by people who did not know the grammar, measured before a developer
+read them. "As expected" includes right questions and refusals.
+"""
+DEVELOPED = """\
+Of {number} sentences that the grammar was developed on, {met:.0%} are as expected, {wrong} wrong and {refused}
+refused without help (`{command}`).
+The weakest of {kinds} kinds ([all](instructions.json)): {weakest}.
 """
 TREEBANK = """\
 ### Commands of strangers for a board
 
 The Robot Commands Treebank (Dukes 2014, SemEval-2014 task 6) has commands that people wrote for a block-stacking arm,
-each with the board before and after. The grammar was developed on four fifths of the boards (groups of scenes that
-share a board are never divided); nobody looked at the sentences of the other fifth, which is only measured. A command
-is right if its block goes where it went in the data. `python -m benchmarks.treebank --data FOLDER --part held_out`
-measures it; with `--no-scene`, the reading is chosen before it is compared with the scene. The data show each pair of
-worlds in both directions; the even scene of a pair leads back.
+each with the board before and after. The grammar was developed on four fifths of the boards; nobody looked at the
+sentences of the other fifth. A command is right if its block goes where it went in the data.
+`python -m benchmarks.treebank --data FOLDER --part held_out` measures it; with `--no-scene`, the reading is chosen
+before it is compared with the scene.
 """
 LEFT = """\
 ### Whose left
 
 Left and right are those of the scene's `viewpoint`: "robot" (the default) or "human", who sits across the table.
-"Forward" is away from the viewer. "Front" is the viewer's side of the table (`WorldModel.front`); on a board whose
-front is where the arm faces, as in the Treebank, it is the far side, which is also the "top". A thing that is brought
-to a person goes into the open hand that they hold out, if the scene has one, and otherwise to the far edge.
+"Forward" is away from the viewer. "Front" is the viewer's side of the table (`WorldModel.front`); on a board of the
+Treebank it is the far side, which is also the "top". A thing that is brought to a person goes into the open hand, if
+the scene has one, and otherwise to the far edge.
 """
 FILM = """\
 ## Commands carried out
 
 ![Twelve commands, one after another: an arm moves blocks of a board as the subtitle says](commands.gif)
 
-Twelve commands that people wrote, each understood in its own scene and carried out by the scripted expert on real
-physics, in real time. The sentences are quoted from the Robot Commands Treebank.
-`python -m benchmarks.films commands --data FOLDER --out docs/commands.gif` makes the film;
-[manipulation](manipulation.md#the-board) has the figures. On the page of `play.py task=rearrange`, you
-[say such commands yourself](play.md#on-a-board).
+Twelve commands of the Treebank, carried out by the scripted expert on real physics, in real time
+(`python -m benchmarks.films commands --data FOLDER --out docs/commands.gif`).
+[Manipulation](manipulation.md#the-board) has the figures; the page of `play.py task=rearrange`
+[takes such commands](play.md#on-a-board).
 """
 TEACHING = """\
 ## How to teach it
@@ -132,18 +138,27 @@ assert isinstance(Dialogue().answer("put the red cube hard by the blue cube", sc
 assert isinstance(Dialogue().answer("snatch up the blue cube", scene), Plan)
 ```
 
-A wording with another order of words is one line of `language/wordings.yaml`: a pattern and a plainer wording of the
-same meaning. A verb is one entry of `language/verbs.py`: its templates, further words, what it acts on, what must hold
-before it and what holds after it. No other module names a verb, which a test holds. A spatial relation of the
-instruction language is one function in `language/relations.py`; phrases that are only understood stand in `words.yaml`.
+| to teach | one entry of |
+|---|---|
+| another order of words | `language/wordings.yaml`: a pattern and a plainer wording of the same meaning |
+| a verb | `language/verbs.py`: its templates, further words, what it acts on, what holds before and after it |
+| a spatial relation of the instruction language | `language/relations.py`: a function |
 
-After a change of the tables: `python -m tools.understanding_page`.
+After a change: `python -m tools.understanding_page`.
+"""
+
+
+WORDS = f"""\
+## Words
+
+Up to {SHOWN} phrases of each meaning; "..." stands for more. A phrase is left out if it is the plural of one that is
+shown, or adds words to it. `language/verbs.py` and `language/words.yaml` have all.
 """
 
 
 def page() -> str:
     """The whole page."""
-    parts = [NOTE, INTRODUCTION, LEFT, *_figures(), FILM, TEACHING, "## Words\n", *_words()]
+    parts = [NOTE, INTRODUCTION, LEFT, *_figures(), FILM, TEACHING, *_words()]
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
@@ -154,11 +169,7 @@ def _figures() -> Iterator[str]:
         yield FRESH
         rows = [(each["set"], str(each["n"]), *_shares(each)) for each in measured["fresh"]]
         yield _table(("sentences", "number", "as expected", "wrong", "refused without help"), rows)
-        yield f"Sentences that the grammar was developed on (`{measured['command']}`):\n"
-        kinds = measured["kinds"]
-        header = ("kind of sentence", "sentences", "as expected", "wrong", "refused without help")
-        rows = [(k, c["n"], f"{c['met'] / c['n']:.0%}", c["wrong"], c["refused unhelpfully"]) for k, c in kinds.items()]
-        yield _table(header, rows)
+        yield _developed(measured)
     yield TREEBANK
     rows = []
     for name, figures in json.loads(FIGURES.read_text("utf-8")).items():
@@ -172,23 +183,62 @@ def _shares(counts: dict[str, int]) -> list[str]:
     return [f"{counts[key] / counts['n']:.0%}" for key in ("met", "wrong", "refused unhelpfully")]
 
 
+def _developed(measured: dict[str, Any]) -> str:
+    """The figures of the sentences that the grammar was developed on, with the kinds that are understood least."""
+    total, kinds = measured["total"], measured["kinds"]
+    met = {name: each["met"] / each["n"] for name, each in kinds.items() if each["n"] >= MANY}
+    weakest = sorted((share, name) for name, share in met.items() if share < WEAK)
+    return DEVELOPED.format(
+        number=total["n"],
+        met=total["met"] / total["n"],
+        wrong=total["wrong"],
+        refused=total["refused unhelpfully"],
+        command=measured["command"],
+        kinds=len(kinds),
+        weakest=", ".join(f"{name} {share:.0%}" for share, name in weakest),
+    )
+
+
 def _words() -> Iterator[str]:
     """Yields a section for each kind of words."""
+    yield WORDS
     yield "### Verbs\n"
-    rows = [(name.replace("_", " "), verb.act.value, _shown(verb.words)) for name, verb in KNOWN.items() if verb.words]
-    yield _table(("verb", "what is done", "understood beside its templates"), rows)
-    yield "These are only refused: " + KNOWN[next(n for n, v in KNOWN.items() if v.act is Act.NEVER)].words + ".\n"
+    verbs = [(name, verb) for name, verb in KNOWN.items() if verb.words]
+    yield _entries((f"{name} ({verb.act.value})", words.phrases(verb.words)) for name, verb in verbs)
     yield "### Things\n"
-    yield _table(("meaning", "understood"), ((kind, ", ".join(nouns)) for kind, nouns in words.nouns().items()))
-    yield "### Colours\n\nThe first of these colours that the scene holds is meant.\n"
-    yield _table(("word", "colours"), ((word, ", ".join(names)) for word, names in words.colors().items()))
+    yield _entries(words.nouns().items())
+    yield "### Colours\n\nThe first of the bold colours that the scene holds is meant.\n"
+    near: dict[str, list[str]] = {}
+    for word, names in words.colors().items():
+        near.setdefault(", ".join(names), []).append(word)
+    yield _entries(near.items())
     for key, title in TITLES.items():
         yield f"### {title}\n"
-        yield _table(("meaning", "understood"), words.TABLE[key].items())
+        yield _entries((name, words.phrases(text)) for name, text in words.TABLE[key].items())
 
 
-def _shown(text: str) -> str:
-    return ", ".join(words.phrases(text))
+def _entries(entries: Iterable[tuple[object, Iterable[str]]]) -> str:
+    """A list: each meaning with up to SHOWN of its phrases."""
+    lines = []
+    for meaning, phrases in entries:
+        shown: list[str] = []
+        for phrase in phrases:
+            if not any(_adds(phrase, other) for other in shown):
+                shown.append(phrase)
+        more = ", ..." if len(shown) > SHOWN else ""
+        lines.append(f"- {_bold(meaning)}: {', '.join(shown[:SHOWN])}{more}\n")
+    return "".join(lines)
+
+
+def _adds(phrase: str, other: str) -> bool:
+    """Whether a phrase is the plural of another one, or has all its words in their order."""
+    rest = iter(phrase.split())
+    return phrase == f"{other}s" or all(word in rest for word in other.split())
+
+
+def _bold(meaning: object) -> str:
+    name, _, note = str(meaning).replace("_", " ").partition(" (")
+    return f"**{name}**" + (f" ({note}" if note else "")
 
 
 def _table(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
