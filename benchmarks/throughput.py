@@ -30,10 +30,8 @@ OURS, PEERS = "benchmarks.ours", "benchmarks.peers"
 PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "stable-baselines3", "sbx-rl")
 
 INTRODUCTION = (
-    "Speed of this project beside the raw PyBullet loop, panda-gym, LANRO-gym, stable-baselines3 and SBX. Every",
-    "workload runs in a process of its own, in interleaved rounds; a ratio is taken within each round.",
-    "`benchmarks/ours.py` and `benchmarks/peers.py` describe the workloads. *Matched* workloads have the physics of",
-    "the other library. The raw loop and the matrix products alone are the physical limits.",
+    "Medians (least-greatest) of interleaved rounds, each workload in a process of its own; ratios within a round.",
+    "`benchmarks/ours.py` and `benchmarks/peers.py` describe the workloads; *matched* ones have the other's physics.",
     "[Speed](experiments/speed.md) gives the reasons where a bar is not met.",
 )
 
@@ -77,10 +75,10 @@ class Comparison:
         values = self.values(rounds)
         bound = f"{'<=' if self.at_most else '>='} {self.bound:g}"
         if not values:
-            return [self.label, *median_and_range(values), bound, "not measured"]
+            return [self.label, median_and_range(values), bound, "not measured"]
         median = statistics.median(values)
         met = median <= self.bound if self.at_most else median >= self.bound
-        return [self.label, *median_and_range(values), bound, "yes" if met else "no"]
+        return [self.label, median_and_range(values), bound, "yes" if met else "no"]
 
 
 # Workloads are measured in this order, so those of a ratio are next to each other.
@@ -176,11 +174,11 @@ def run_rounds(workloads: Sequence[Workload], repeats: int, quick: bool) -> list
     return rounds
 
 
-def median_and_range(values: Sequence[float]) -> tuple[str, str]:
-    """Return median, and least to greatest, as text; dashes if there are no values."""
+def median_and_range(values: Sequence[float]) -> str:
+    """Return median, least and greatest as text; a dash if there are no values."""
     if not values:
-        return "-", "-"
-    return f"{statistics.median(values):,.4g}", f"{min(values):,.4g} - {max(values):,.4g}"
+        return "-"
+    return f"{statistics.median(values):,.4g} ({min(values):,.4g}-{max(values):,.4g})"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -194,8 +192,8 @@ def rate_table(rounds: Sequence[Round]) -> list[str]:
     for name in [w.name for w in WORKLOADS if any(w.name in entry for entry in rounds)]:
         found = [entry[name] for entry in rounds if "rate" in entry.get(name, {})]
         unit = found[0]["unit"] if found else "failed"
-        rows.append([name, *median_and_range([one["rate"] for one in found]), unit, str(len(found))])
-    return _table(["workload", "median", "least - greatest", "unit", "rounds"], rows)
+        rows.append([name, median_and_range([one["rate"] for one in found]), unit])
+    return _table(["workload", "median", "unit"], rows)
 
 
 def comparison_table(rounds: Sequence[Round]) -> list[str]:
@@ -204,7 +202,7 @@ def comparison_table(rounds: Sequence[Round]) -> list[str]:
     rows = [
         comparison.row(rounds) for comparison in COMPARISONS if ran & {comparison.numerator, comparison.denominator}
     ]
-    return _table(["what", "median", "least - greatest", "bar", "met"], rows)
+    return _table(["what", "median", "bar", "met"], rows)
 
 
 def _version(package: str) -> str:
