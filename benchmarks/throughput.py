@@ -32,7 +32,7 @@ PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "
 INTRODUCTION = (
     "Medians (least-greatest) of interleaved rounds, each workload in a process of its own; ratios within a round.",
     "`benchmarks/ours.py` and `benchmarks/peers.py` describe the workloads; *matched* ones have the other's physics.",
-    "[Speed](experiments/speed.md) gives the reasons where a bar is not met.",
+    "[Speed](experiments/speed.md) gives the reasons where a bar is not met; the JSON beside this page has all rates.",
 )
 
 Round = dict[str, dict[str, Any]]  # workload name -> the JSON object it printed, or {"error": ...}
@@ -223,13 +223,13 @@ def machine() -> dict[str, Any]:
     }
 
 
-def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], tables: Sequence[str]) -> None:
-    """Write the tables to `path` (Markdown), and all measurements to the JSON file beside it."""
+def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], table: Sequence[str]) -> None:
+    """Write a table to `path` (Markdown), and all measurements to the JSON file beside it."""
     command = " ".join(["python benchmarks/throughput.py", *sys.argv[1:]])
     versions = ", ".join(f"{package} {version}" for package, version in about["packages"].items())
     head = f"{about['cores']} cores, {about['processor']}, Python {about['python']}; {versions}."
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(["# Throughput", "", *INTRODUCTION, "", f"`{command}`", "", head, "", *tables, ""]))
+    path.write_text("\n".join(["# Throughput", "", *INTRODUCTION, "", f"`{command}`", "", head, "", *table, ""]))
     compared = {each.label: statistics.median(values) for each in COMPARISONS if (values := each.values(rounds))}
     content = {"command": command, "machine": about, "comparisons": compared, "rounds": rounds}
     measured = json.dumps(content, indent=1)
@@ -258,10 +258,10 @@ def main() -> None:
         parser.error(f"--repeats={args.repeats}: it must be at least 1")
     about = machine()
     rounds = run_rounds(_chosen(args.only), args.repeats, args.quick)
-    tables = [*comparison_table(rounds), "", *rate_table(rounds)]
-    print("\n".join(tables))
+    comparisons = comparison_table(rounds)
+    print("\n".join([*comparisons, "", *rate_table(rounds)]))
     if args.write:
-        write(args.write, about, rounds, tables)
+        write(args.write, about, rounds, comparisons)
     sys.exit(any("error" in result for entry in rounds for result in entry.values()))
 
 
