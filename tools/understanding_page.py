@@ -17,7 +17,7 @@ from language.verbs import KNOWN
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE, FIGURES, SETS = DOCS / "understanding.md", DOCS / "treebank.json", DOCS / "instructions.json"
 NOTE = "<!-- Written by `python -m tools.understanding_page`; do not edit. -->"
-SHOWN = 8  # phrases of a meaning
+SHOWN = 6  # phrases of a meaning
 MANY, WEAK = 10, 0.75  # a kind of sentences is named with at least MANY of them, and below this share as expected
 TITLES = {
     "relations": "Relations and places",
