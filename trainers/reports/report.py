@@ -1,6 +1,7 @@
 """The report of a sweep: `python -m trainers.reports.report <sweep dir>`.
 
-It is written twice: as Markdown with image files, and as one HTML file with embedded images.
+It is written twice: as Markdown with image files, and as one HTML file below 5 MB with images and films in it, light or
+dark as the reader's system is, whose tables are sorted by a click on a column.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +36,44 @@ from trainers.sweeps.runs import (
 from trainers.utils.files import write_text
 
 STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; max-width: 1200px; margin: 2em auto; padding: 0 1em; color: #222; }
-img { max-width: 100%; }
+:root { color-scheme: light dark; --ink: #222; --page: #fff; --line: #ddd; --strong: #777; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #ddd; --page: #16181b; --line: #3a3d42; --strong: #999; }
+  .plot { filter: invert(0.92) hue-rotate(180deg); } /* dark, with the same hues */
+}
+body { font: 15px/1.45 system-ui, sans-serif; max-width: 1200px; margin: 2em auto; padding: 0 1em;
+  color: var(--ink); background: var(--page); }
+img, video { max-width: 100%; border-radius: 6px; background: #fff; }
+.films { display: grid; grid-template-columns: repeat(auto-fill, minmax(260px, 1fr)); gap: 1em; }
+figure { margin: 0; font-size: 13px; } figure img, figure video { width: 100%; display: block; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 13px; margin: 1em 0; }
-th, td { border-bottom: 1px solid #ddd; padding: 4px 9px; text-align: left; vertical-align: top; }
-th { border-bottom: 2px solid #888; }
+th, td { border-bottom: 1px solid var(--line); padding: 4px 9px; text-align: left; vertical-align: top; }
+td:not(:last-child) { white-space: nowrap; }
+th { border-bottom: 2px solid var(--strong); }
+th button { all: unset; cursor: pointer; } th button:focus-visible { outline: 2px solid; }
+th[aria-sort=ascending] button::after { content: " \\25b2"; }
+th[aria-sort=descending] button::after { content: " \\25bc"; }
 """
+# Sorts by numbers where a cell begins with one, else as text; a second click turns the order round.
+SCRIPT = """
+document.querySelectorAll("th button").forEach(button => button.onclick = () => {
+  const head = button.parentElement, body = head.closest("table").tBodies[0];
+  const turn = head.getAttribute("aria-sort") == "ascending" ? -1 : 1;
+  const value = row => row.cells[head.cellIndex].textContent.replace(/^seed \\d+: /, "").replaceAll(",", "");
+  const order = (a, b) => {
+    const [x, y] = [parseFloat(value(a)), parseFloat(value(b))];
+    if (isNaN(x) != isNaN(y)) return isNaN(x) ? 1 : -1;
+    return turn * (isNaN(x) ? value(a).localeCompare(value(b)) : x - y);
+  };
+  body.append(...[...body.rows].sort(order));
+  head.parentElement.querySelectorAll("th").forEach(each => each.removeAttribute("aria-sort"));
+  head.setAttribute("aria-sort", turn == 1 ? "ascending" : "descending");
+});
+"""
+FILM = "evaluation.mp4"
+FILM_BYTES = 2_700_000  # of all films in the page, where they take a third more as text
+POSTER_WIDTH = 320  # pixels
 
 
 Groups = dict[str, list[RunRecord]]
@@ -48,13 +81,13 @@ USAGE = "give one directory of runs: python -m trainers.reports.report <sweep di
 SEEDS = "The line is the mean over seeds; the band reaches from the worst to the best seed."
 LEVEL_NAMES = [f"{level:.0%}".replace("%", " %") for level in LEVELS]
 METHOD = (
-    "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap "
-    "interval over seeds, resampled within each configuration. The worst seed's interval is Wilson's, over its "
-    "episodes. Wrong object: share of the final episodes, mean over seeds. Disturbed: share of the successful "
-    "final episodes in which an object was moved by more than 1 cm that the task does not move; the greatest over "
-    "seeds. Final / best: final success over the best "
-    "evaluation during training, minimum over seeds. Frames and seconds: to the first evaluation with that success, "
-    "median over seeds; '-' if it was never reached. Seconds are wall-clock time with start-up and evaluations."
+    "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap"
+    " interval over seeds, resampled within each configuration; one seed has none. The worst seed's interval is "
+    "Wilson's, over its episodes. Wrong object: share of the final episodes, mean over seeds. Disturbed: share of the"
+    " successful final episodes in which an object was moved by more than 1 cm that the task does not move; the "
+    "greatest over seeds. Final / best: final success over the best evaluation during training, minimum over seeds. "
+    "Frames and seconds: to the first evaluation with that success, median over seeds; '-' if it was never reached. "
+    "Seconds are wall-clock time with start-up and evaluations."
 )
 
 
@@ -105,28 +138,80 @@ class Picture:
 
     def html(self, folder: Path) -> str:
         data = base64.b64encode((folder / self.file).read_bytes()).decode()
-        return f'<img alt="{escape(self.title)}" src="data:image/png;base64,{data}">'
+        return f'<img class="plot" alt="{escape(self.title)}" src="data:image/png;base64,{data}">'
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text cells."""
+    """A table of text cells. total: a last row that keeps its place when the others are sorted."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    total: Sequence[str] = ()
 
     def markdown(self) -> str:
-        lines = [[markdown_text(cell) for cell in row] for row in (self.header, *self.rows)]
+        rows = [self.header, *self.rows, *([self.total] if self.total else [])]
+        lines = [[markdown_text(cell) for cell in row] for row in rows]
         rule = ["---"] * len(self.header)
         return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], rule, *lines[1:]))
 
     def html(self, folder: Path) -> str:
-        head = "".join(f"<th>{escape(cell)}</th>" for cell in self.header)
-        body = "\n".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in self.rows)
-        return f'<div class="wide"><table><tr>{head}</tr>\n{body}</table></div>'
+        head = "".join(f"<th><button>{escape(cell)}</button></th>" if cell else "<th></th>" for cell in self.header)
+        body = "\n".join(map(_row, self.rows))
+        foot = f"<tfoot>{_row(self.total)}</tfoot>" if self.total else ""
+        table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody>{foot}</table>"
+        return f'<div class="wide">{table}</div>'
 
 
-Block = Heading | Paragraph | Picture | Table
+def _row(cells: Sequence[str]) -> str:
+    return "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+
+
+@dataclass(frozen=True)
+class Films:
+    """The films of runs, as many as `FILM_BYTES` allows; of the others their last picture, and where they are.
+
+    films: names and paths of mp4 files.
+    """
+
+    films: Sequence[tuple[str, Path]]
+
+    def markdown(self) -> str:
+        return "\n".join(f"- {markdown_text(name)}: `{path}`" for name, path in self.films)
+
+    def html(self, folder: Path) -> str:
+        left, figures = FILM_BYTES, []
+        for name, path in self.films:
+            poster, size = last_picture(path), path.stat().st_size
+            shown = f'<img alt="" src="{poster}">' if poster else ""
+            caption = f"{escape(name)}<br>{escape(str(path))}"
+            if poster and size <= left:
+                left, caption = left - size, escape(name)
+                film = base64.b64encode(path.read_bytes()).decode()
+                about = f'aria-label="{escape(name)}" poster="{poster}" src="data:video/mp4;base64,{film}"'
+                shown = f'<video controls muted preload="none" {about}></video>'
+            figures.append(f"<figure>{shown}<figcaption>{caption}</figcaption></figure>")
+        return f'<div class="films">{"".join(figures)}</div>'
+
+
+def last_picture(film: Path) -> str:
+    """Return the last frame of a film, on which its outcome is written, as the URL of a JPEG; "" for a damaged film."""
+    from imageio.v2 import get_reader
+    from PIL import Image
+
+    try:
+        file: Any = get_reader(film)
+        with file as reader:
+            frame = Image.fromarray(reader.get_data(reader.count_frames() - 1))
+    except (OSError, RuntimeError, IndexError, ValueError):
+        return ""
+    frame.thumbnail((POSTER_WIDTH, POSTER_WIDTH))
+    picture = BytesIO()
+    frame.save(picture, "JPEG", quality=80)
+    return "data:image/jpeg;base64," + base64.b64encode(picture.getvalue()).decode()
+
+
+Block = Heading | Paragraph | Picture | Table | Films
 
 
 def write_page(folder: Path, title: str, blocks: Sequence[Block]) -> Path:
@@ -139,8 +224,9 @@ def write_page(folder: Path, title: str, blocks: Sequence[Block]) -> Path:
         folder / "report.md", "\n\n".join([f"# {markdown_text(title)}", *(block.markdown() for block in blocks)]) + "\n"
     )
     body = "\n".join(block.html(folder) for block in blocks)
-    head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style>'
-    page = f"<head>{head}</head>\n<body>\n<h1>{escape(title)}</h1>\n{body}\n</body>"
+    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
+    head += f"<style>{STYLE}</style>"
+    page = f"<head>{head}</head>\n<body>\n<h1>{escape(title)}</h1>\n{body}\n<script>{SCRIPT}</script>\n</body>"
     write_text(folder / "report.html", f'<!doctype html>\n<html lang="en">\n{page}\n</html>\n')
     return folder / "report.html"
 
@@ -168,11 +254,39 @@ def write(folder: Path) -> Path:
         _seed_table(finished),
         *_main_tasks_section(finished, folder),
         *_losses_section(finished, folder),
+        *_films_section(finished),
         *_unfinished_section(runs),
         *_machine_section(folder),
     ]
-    count = sum(map(len, finished.values()))
-    return write_page(folder, f"{count} runs of {len(finished)} configurations", blocks)
+    return write_page(folder, _title(finished, max(len(runs), planned(folder))), blocks)
+
+
+def _title(finished: Groups, wanted: int) -> str:
+    """wanted: how many runs there are to be."""
+    count, groups = sum(map(len, finished.values())), len(finished)
+    runs = f"{count} run{'s' * (count > 1)}" if count == wanted else f"{count} of {wanted} runs"
+    return f"{runs} of {groups} configuration{'s' * (groups > 1)}"
+
+
+def planned(folder: Path) -> int:
+    """Return how many jobs the sweeps in a folder have, started or not; 0 without a record of a sweep."""
+    return sum(_jobs(read_starts(file.parent)[0]["overrides"]) for file in _sweep_files(folder))
+
+
+def _jobs(overrides: Sequence[str]) -> int:
+    """Return how many jobs a sweep with these overrides has; 0 where Hydra's syntax does not tell."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    try:
+        words = OverridesParser.create().parse_overrides(list(overrides))
+        return math.prod(len(list(word.sweep_string_iterator())) for word in words if word.is_sweep_override())
+    except HydraException:
+        return 0
+
+
+def _sweep_files(folder: Path) -> list[Path]:
+    return [file for file in [folder / NAME, *sorted(folder.glob(f"*/{NAME}"))] if file.is_file()]
 
 
 def failures(runs: Sequence[RunRecord]) -> str:
@@ -196,12 +310,12 @@ def _configuration_table(groups: Groups, started: dict[str, int]) -> list[Block]
     for label, runs in groups.items():
         s = score(runs)
         seeds = f"{s.seeds}" if s.seeds == started[label] else f"{s.seeds} of {started[label]}"
-        row = [label, seeds, _with_interval(s.success, s.interval), f"seed {s.worst.seed}: {_success(s.worst)}"]
+        success = _with_interval(s.success, s.interval) if s.seeds > 1 else f"{s.success:.3f}"
+        row = [label, seeds, success, f"seed {s.worst.seed}: {_success(s.worst)}"]
         row += [f"{s.wrong_object:.3f}", share_cell(s.disturbed), _number(s.final_over_best, ".2f")]
         rows.append(row + [_number(x, ",.0f") for x in (*s.frames, *s.seconds)])
-    if len(groups) > 1:
-        rows.append(_overall_row(groups, len(header)))
-    return [Table(header, rows), Paragraph(METHOD)]
+    total = _overall_row(groups, len(header)) if len(groups) > 1 else ()
+    return [Table(header, rows, total), Paragraph(METHOD)]
 
 
 def _overall_row(groups: Groups, width: int) -> list[str]:
@@ -251,6 +365,16 @@ def _losses_section(groups: Groups, folder: Path) -> list[Block]:
     return [Heading("Losses"), Picture("losses.png", "Losses against frames"), Paragraph(text)]
 
 
+def _films_section(groups: Groups) -> list[Block]:
+    films = [
+        (f"{label}, seed {run.seed}: {_success(run)}", run.folder / FILM)
+        for label, runs in groups.items()
+        for run in runs
+        if (run.folder / FILM).is_file()
+    ]
+    return [Heading("Films"), Films(films)] if films else []
+
+
 def _unfinished_section(runs: Sequence[RunRecord]) -> list[Block]:
     """Return the runs that the figures and tables leave out."""
     rows = [[run.folder.name, run.command, run.status] for run in runs if not run.result]
@@ -259,8 +383,7 @@ def _unfinished_section(runs: Sequence[RunRecord]) -> list[Block]:
 
 def _machine_section(folder: Path) -> list[Block]:
     """Commands and machine from each sweep.yaml; without one, the machine that writes the report."""
-    files = [folder / NAME, *sorted(folder.glob(f"*/{NAME}"))]
-    starts = [start for file in files if file.is_file() for start in read_starts(file.parent)]
+    starts = [start for file in _sweep_files(folder) for start in read_starts(file.parent)]
     if not starts:
         return [Heading("Machine of this report"), Table(["", ""], [list(item) for item in system_info().items()])]
     commands = [[f"{start.get('time', '-')}", command_line(start["overrides"], "-m")] for start in starts]

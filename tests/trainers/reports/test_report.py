@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from core.errors import ConfigError
 from tests.helpers.run_folders import add_run, config
+from trainers.evaluation.video import open_video
 from trainers.reports.report import write
 from trainers.sweeps.runs import find_runs
 
@@ -98,17 +101,62 @@ def test_the_html_page_is_one_file_without_external_resources(sweep):
     sources = re.findall(r'src="([^"]*)"', page)
     assert len(sources) == 3
     assert all(source.startswith("data:image/png;base64,") for source in sources)
-    assert not re.search(r"https?://|<link|<script|@import|href=", page)
+    assert not re.search(r"https?://|<link|<script [^>]*src|@import|href=", page)
     pictures = re.findall(r"!\[.*\]\((.*)\)", (sweep / "report.md").read_text())
     assert pictures == ["success.png", "tasks.png", "losses.png"]
     assert all((sweep / name).stat().st_size > 5000 for name in pictures)
+
+
+def add_film(run: Path, pixels: int = 64) -> None:
+    rng = np.random.default_rng(0)
+    with open_video(run / "evaluation.mp4", 20) as video:
+        for _ in range(20):
+            video.append_data(rng.integers(0, 255, (pixels, pixels, 3)).astype(np.uint8))
+
+
+def test_films_are_in_the_page_and_a_damaged_one_is_only_named(tmp_path):
+    for seed in range(3):
+        add_run(tmp_path / f"{seed}_a", config(seed))
+    add_film(tmp_path / "0_a")
+    (tmp_path / "1_a" / "evaluation.mp4").write_bytes(b"no film")
+    page = write(tmp_path).read_text()
+    (film,) = re.findall(r'src="data:video/mp4;base64,([^"]*)"', page)
+    assert base64.b64decode(film) == (tmp_path / "0_a" / "evaluation.mp4").read_bytes()
+    assert page.count("data:image/jpeg;base64,") == 1
+    assert f"{tmp_path / '1_a' / 'evaluation.mp4'}" in page
+    assert f"{tmp_path / '2_a' / 'evaluation.mp4'}" not in page
+
+
+@pytest.mark.slow
+def test_the_page_stays_below_5_mb_and_shows_a_picture_of_films_that_do_not_fit(tmp_path):
+    for seed in range(6):
+        add_film(add_run(tmp_path / f"{seed}_a", config(seed)), pixels=256)
+    sizes = [(tmp_path / f"{seed}_a" / "evaluation.mp4").stat().st_size for seed in range(6)]
+    assert sum(sizes) > 3.75e6  # as text more than 5 MB
+    page = write(tmp_path).read_text()
+    assert len(page) < 5e6
+    assert 0 < page.count("data:video/mp4") < 6
+    assert page.count("data:image/jpeg") == 6
+
+
+def test_a_sweep_that_has_not_ended_says_how_many_runs_it_lacks(sweep):
+    start = {"time": "-", "overrides": ["scenario='1','4','5'", "seed=range(5)"]}
+    (sweep / "sweep.yaml").write_text(yaml.safe_dump([start]))
+    assert "<h1>5 of 15 runs of 2 configurations</h1>" in write(sweep).read_text()
+
+
+def test_one_seed_has_no_interval_of_its_own(tmp_path):
+    add_run(tmp_path / "0_a", config(0), success=0.456)
+    write(tmp_path)
+    _, row = table((tmp_path / "report.md").read_text(), "Final success and time to success")
+    assert row[2:4] == ["0.456", "seed 0: 0.456 (0.413-0.500)"]
 
 
 def test_text_of_a_run_is_escaped(tmp_path):
     add_run(tmp_path / "0_a", config(0))
     add_run(tmp_path / "1_a", config(1), success=None, error="a | b <script>")
     page = write(tmp_path).read_text()
-    assert "<script>" not in page
+    assert "&lt;script&gt;" in page
     assert "a \\| b" in (tmp_path / "report.md").read_text()
 
 
