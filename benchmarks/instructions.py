@@ -51,8 +51,8 @@ def room_world(scene: dict[str, Any], facts: dict[str, Any]) -> WorldModel:
         open=frozenset(number(box) for box in facts.get("open") or ()),
         moved={number(device): float(share) for device, share in moved.items()},
         home={i: tuple(each["position"][:2]) for i, each in enumerate(entries)},
-        flat_only=True,
-        verbs=ROOM,
+        flat_only=not scene.get("high"),
+        verbs=tuple(scene.get("verbs", ROOM)),
     )
 
 

@@ -74,6 +74,8 @@ class NounPhrases:
             found.append(_Draft(edge.end, {"pointed": draft.at}, draft.cost + costs.POINTED, draft.skipped))
         for category in _MODIFIERS:
             for edge in self._get(draft.at, category):
+                if category == "ordinal" and self._get(edge.end, "every"):
+                    continue  # "first all balls" is a step
                 more = _modified(draft.known, category, edge.value)
                 if more is not None:
                     found.append(_Draft(edge.end, more, draft.cost + edge.cost, draft.skipped))
@@ -127,7 +129,7 @@ class NounPhrases:
             most = self._lattice.table and self._lattice.text(at - 1).endswith("most")  # rather a thing
             found.append(_item(draft, at, 0.5 + far + 1.5 * most, start, kind="side"))
             found.append(_item(draft, at, 1.2 - 0.6 * most, start, kind="thing"))
-        elif self._lattice.table and len(known.get("colors", ())) > 1 and self._lattice.text(at - 2) == "and":
+        elif self._lattice.table and len(known.get("colors", ())) > 1 and self._lattice.text(at - 2) in ("and", ","):
             found.append(_several(draft, at, costs.NO_NOUN + costs.LISTED, start))
         elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single", "role"}:
             found.append(_item(draft, at, costs.NO_NOUN, start, kind="thing"))

@@ -27,6 +27,7 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "side": words.TABLE["sides"],
     "superlative": words.TABLE["superlatives"],
     "unit": words.TABLE["units"],
+    "order": words.TABLE["orders"],
 }
 LIMITING = frozenset(phrases(TABLE["limiting"]))  # words that no reading may leave out
 HARMLESS = FILLERS | frozenset(TABLE["harmless"].split())  # words of phrases that alone change nothing
@@ -34,7 +35,7 @@ STRANGERS = frozenset(phrases(TABLE["strangers"])) | LIMITING  # words that are 
 CONTENT = frozenset(
     phrases(
         "noun, color, role, superlative, stack, region, number, ordinal, verb, "
-        "done, pronoun, every, both, other, never, not, if, else"
+        "done, pronoun, every, both, other, never, not, if, else, order"
     )
 )
 _FORMS = (  # verbs whose past and participle are irregular

@@ -211,10 +211,12 @@ def edge_box(world: WorldModel, side: str) -> tuple[float, float, float, float]:
     return (x0, x1, y1, y1) if dy > 0 else (x0, x1, y0, y0)
 
 
-def best(refs: list[Ref], score: Callable[[Ref], float], tie: float) -> list[Ref]:
-    """Return the referents of the least score, and those within `tie` of it."""
+def best(refs: list[Ref], score: Callable[[Ref], float], tie: float, number: int = 1) -> list[Ref]:
+    """Return the referents of the least score, and those within `tie` of it; or this number of them."""
     if not refs:
         return []
+    if number > 1:
+        return sorted(refs, key=score)[:number]
     scores = [score(ref) for ref in refs]
     least = min(scores)
     return [ref for ref, value in zip(refs, scores, strict=True) if value <= least + tie]
@@ -425,6 +427,12 @@ class Resolver:
             refs = self._select(entity, refs, relation)
         return self._ranked(entity, refs)
 
+    def among(self, entity: Entity, things: Sequence[int]) -> list[int]:
+        """Return which of some things a phrase means, the best first, where it selects among these alone."""
+        refs = self._resolve(entity, lambda ref: bool(ref.things) and ref.things[-1] in things)
+        found = (ref.things[-1] for ref in sorted(refs, key=lambda ref: ref.cost) if ref.things)
+        return [index for index in found if index in things]
+
     def anchors(self, entity: Entity) -> Anchors:
         """Return the referents of a phrase as the anchors of a relation."""
         if entity not in self._anchors:
@@ -499,16 +507,16 @@ class Resolver:
         if relation.name == "direction":
             return self._toward(refs, (relation.value or "",), entity.number or 1)
         if relation.name == "farthest":
-            return self._nearest(refs, relation.anchors[0], -1.0)
+            return self._nearest(refs, relation.anchors[0], -1.0, entity.number or 1)
         anchor = relation.anchors[0]
         if (entity.number or 1) > 1 and anchor.kind == "side" and anchor.sides and not self.world.cells:
             return self._toward(refs, anchor.sides, entity.number or 1)
         if relation.name == "near":
             touching = self._related(refs, RelationPhrase("beside", relation.anchors))
             return touching or self._nearest(refs, relation.anchors[0])
-        return self._nearest(refs, relation.anchors[0])
+        return self._nearest(refs, relation.anchors[0], 1.0, entity.number or 1)
 
-    def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0) -> list[Ref]:
+    def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0, number: int = 1) -> list[Ref]:
         """Return the referents that are nearest to the anchor, or, with sign -1, farthest from it."""
         anchors = self.resolve(anchor)
         if not anchors:
@@ -521,7 +529,7 @@ class Resolver:
             others = [sign * distance(x, y, other) for other, its in near if its.isdisjoint(things)]
             return min(others, default=1e9)
 
-        return best(refs, score, TIE * self.world.pitch)
+        return best(refs, score, TIE * self.world.pitch, number)
 
     def _ranked(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
         """Return the referents that the phrase's sides, superlative and rank select."""
@@ -530,7 +538,7 @@ class Resolver:
         if entity.kind not in ("thing", "stack"):
             return refs
         if entity.superlative is not None:
-            refs = self._superlative(entity.superlative, refs)
+            refs = self._superlative(entity.superlative, refs, entity.number or 1)
         return self._toward(refs, entity.sides, entity.number or 1) if entity.sides else refs
 
     def _toward(self, refs: list[Ref], sides: tuple[str, ...], number: int = 1) -> list[Ref]:
@@ -552,18 +560,18 @@ class Resolver:
             return sorted(refs, key=lambda ref: -sum(dx * ref.x + dy * ref.y for dx, dy in vectors))[:number]
         return best(refs, lambda ref: -sum(dx * ref.x + dy * ref.y for dx, dy in vectors), tie)
 
-    def _superlative(self, name: str, refs: list[Ref]) -> list[Ref]:
+    def _superlative(self, name: str, refs: list[Ref], number: int) -> list[Ref]:
         tie = TIE * self.world.pitch
         if name in ("left", "right"):
-            return self._toward(refs, (name,))
+            return self._toward(refs, (name,), number)
         if name in ("high", "low"):
             return self._toward(refs, ("up" if name == "high" else "down",))
         if name in ("largest", "smallest"):
             sign = -1.0 if name == "largest" else 1.0
-            return best(refs, lambda ref: sign * self._width(ref), 0.003)
+            return best(refs, lambda ref: sign * self._width(ref), 0.003, number)
         sign = 1.0 if name == "nearest" else -1.0
         robot = heads(self.world, Entity("robot"))[0]
-        return best(refs, lambda ref: sign * distance(ref.x, ref.y, robot), tie)
+        return best(refs, lambda ref: sign * distance(ref.x, ref.y, robot), tie, number)
 
     def _width(self, ref: Ref) -> float:
         return max((self.world.things[i].width for i in ref.things), default=0.0)

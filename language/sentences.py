@@ -195,7 +195,8 @@ class _Sentences:
         if start not in self._clauses:
             found: list[Item] = []
             for gap in self._openings(start):
-                items = _cheapest(self._clause(gap.end), KEPT_CLAUSES)
+                items = self._clause(gap.end)
+                items = _cheapest(items + [more for each in items for more in self._ordered(each)], KEPT_CLAUSES)
                 found += [Item(i.end, i.value, gap.cost + i.cost, gap.skipped | i.skipped) for i in items]
             self._clauses[start] = _cheapest(found, KEPT_CLAUSES)
         return self._clauses[start]
@@ -223,6 +224,20 @@ class _Sentences:
             ]
             found += self._contrasted(edge.end)
         return found + self._without_verb(at)
+
+    def _ordered(self, item: Item) -> list[Item]:
+        """Return the clause with the order in which it is done to several things: "touch them | starting with X"."""
+        entity = item.value.entity
+        if item.value.verb is None or entity is None or not (is_several(entity) and self.lattice.table):
+            return []
+        found = []
+        for edge in self.lattice.get(item.end + (self.lattice.text(item.end) in (",", "and")), "order"):
+            for first in self.objects(edge.end):
+                order = RelationPhrase("order", (first.value,), value=edge.value, span=(edge.end, first.end))
+                clause = replace(item.value, places=(*item.value.places, order))
+                more = Item(first.end, clause, item.cost + first.cost, item.skipped | first.skipped)
+                found += [more, *self._ordered(more)]
+        return found
 
     def _contrasted(self, at: int) -> list[Item]:
         """Return what is to be done instead: "do not | put it in the drawer but in the fridge"."""
@@ -554,6 +569,11 @@ _DEVICES = (*DEVICES, "device")
 _WITH_PARTICLE = ("take", "put", "push", "pull")  # what a particle alone may stand for: "in", "out", "up"
 CARRYING = next(name for name, verb in KNOWN.items() if verb.act is Act.CARRY and "put {" in " ".join(verb.templates))
 BUILDING = next(name for name, verb in KNOWN.items() if verb.act is Act.BUILD)
+
+
+def is_several(entity: Entity) -> bool:
+    """Return whether a phrase means several things, one after the other."""
+    return entity.kind == "list" or entity.every or entity.plural or (entity.number or 1) > 1
 
 
 def _as_place(item: Item) -> Item:

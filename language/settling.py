@@ -16,11 +16,12 @@ from language.lattice import LIMITING, STRANGERS, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
-from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, GRIPS_ONE, Draft, Planner
+from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner
 from language.referents import color_fits
 from language.scanning import Token
 from language.sentences import readings
-from language.steps import reached
+from language.several import GRIPS_ONE
+from language.steps import Draft, reached
 from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
 from language.world import WorldModel
@@ -221,7 +222,7 @@ def matters(lattice: Lattice, index: int) -> bool:
         return True
     if lattice.text(index) in ("it", "that", "this", "them", "these", "those") and index:
         return "relation" in lattice.edges[index - 1]  # "on top of that"
-    strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack", "role"}
+    strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack", "role", "order"}
     if any(edge.value == "person" for edge in edges.get("region", ())) and lattice.text(index) not in PERSONS:
         return True
     if any(edge.value not in (1, -1) for edge in edges.get("ordinal", ())):

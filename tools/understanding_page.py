@@ -27,6 +27,7 @@ TITLES = {
     "roles": "Solid and see-through things",
     "regions": "Regions and participants",
     "units": "Lengths (in cells or in metres)",
+    "orders": "Orders of several things",
     "controls": "Sentences about the motion",
     "singles": "Other words",
 }
