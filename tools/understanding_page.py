@@ -22,14 +22,12 @@ MANY, WEAK = 10, 0.75  # a kind of sentences is named with at least MANY of them
 TITLES = {
     "relations": "Relations and places",
     "directions": "Directions",
-    "sides": "Sides",
     "superlatives": "Superlatives",
     "roles": "Solid and see-through things",
     "regions": "Regions and participants",
     "units": "Lengths (in cells or in metres)",
     "orders": "Orders of several things",
     "controls": "Sentences about the motion",
-    "singles": "Other words",
 }
 INTRODUCTION = """\
 # What it understands
@@ -153,7 +151,8 @@ WORDS = f"""\
 ## Words
 
 Up to {SHOWN} phrases of each meaning; "..." stands for more. A phrase is left out if it is the plural of one that is
-shown, or adds words to it. `language/verbs.py` and `language/words.yaml` have all.
+shown, or adds words to it. `language/verbs.py` and `language/words.yaml` have all, with quantities ("every", "a bit"),
+pronouns, negation, corrections ("no, not that one"), conditions and words that join steps.
 """
 
 
