@@ -197,7 +197,7 @@ def question(text: str) -> str | None:
 
 CONDITION = re.compile(
     r"^(?P<how1>if|only if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever|unless) "
-    r"(?P<if>.+?)(?<! is)(?<! are)"
+    r"(?P<if>.+?)(?<! is)(?<! are)(?<!you)(?<!\bi)(?<!\bwe)"
     rf"(?: [,:]| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
     r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
     r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "

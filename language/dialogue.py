@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from language import costs
-from language.acts import ABLE, CONDITION, IDLE, SAME, Part, act_of, parts_of, proposal, question, says, times
+from language.acts import ABLE, IDLE, SAME, Part, act_of, parts_of, proposal, question, says, times
+from language.conditions import Conditions
 from language.errors import NotUnderstood
 from language.lattice import vocabulary
 from language.meanings import Gesture, Measure, Pointed, Reading, gestures
-from language.normalise import LONGEST_SENTENCE, normalised, plain_start
+from language.normalise import LONGEST_SENTENCE, normalised
 from language.objects import Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.questions import Questions
 from language.remarks import command as command_word
-from language.replies import Replies
 from language.revising import further, opposite, partly_back, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.settling import Choices, choices, settled
@@ -44,7 +44,6 @@ _NEXT = "Say what I shall do next"
 
 
 _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
-_STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
 LITTLE = {"bit", "little", "smidge", "smidgen", "tad", "touch", "hair", "notch"}
 IT_SHALL = re.compile(r"(?:please )?(?:do (?:it|so|that)|then do|please do|make it so)\W*$")
 _CERTAIN = re.compile(r"\b(?:the|those|these|all|both|two|three|four|my|your|please)\b", re.IGNORECASE)
@@ -52,7 +51,7 @@ _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near"
 
 
 @dataclass
-class Dialogue(Replies):
+class Dialogue(Conditions):
     """Answers sentences, and remembers what was said and done."""
 
     def copy(self) -> Dialogue:
@@ -407,11 +406,6 @@ class Dialogue(Replies):
             return self._unknown(sentence, asked.split())
         return None
 
-    def _untold(self, sentence: str, condition: str) -> Refusal:
-        """Return the refusal of a sentence whose condition cannot be compared with the world."""
-        text, offered = f"I cannot tell whether {condition}", offers(self.now, condition.split())
-        return Refusal(sentence, 0.0, (), (0, len(sentence)), reason="nothing", text=text, suggestions=offered)
-
     def _unknown(self, sentence: str, words: Sequence[str]) -> Refusal:
         """Return the refusal of a question that cannot be answered."""
         unknown = [word for word in words if word not in vocabulary() and word.isalpha()]
@@ -433,43 +427,6 @@ class Dialogue(Replies):
         else:
             text = f"no: {getattr(tried, 'text', '')}" if isinstance(tried, Refusal) else tried.message
         return Answer(sentence, 0.8, (), (0, len(sentence)), about=about, text=text[0].upper() + text[1:])
-
-    # ---- Conditions
-
-    def _conditional(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
-        plain, planner = plain_start(sentence).replace(" 's ", " is "), self.planner()
-        lead = re.match(r"([^.;!]+) [.;!] (?=(?:if|unless) )", plain)
-        if lead is not None and not command_word().match(lead[1]):  # "I forgot where the cube is; if it is in X, ..."
-            plain = plain[lead.end() :]
-            refs = phrase(self.now, planner, scan(lead[1]))[1]
-            planner.it = tuple(i for ref in refs[:1] for i in ref.things[-1:]) or planner.it
-        match = CONDITION.match(plain)
-        if match is None or self.now.cells:
-            return None
-        condition, command = match["if"] or match["if2"], match["do"] or match["do2"]
-        if re.search(r"\b(?:it|they|that)\b", condition):
-            _, refs = phrase(self.now, planner, scan(command))
-            planner.it = tuple(i for ref in refs[:1] for i in ref.things[-1:]) or planner.it
-        known = Questions(self.now, planner, self.turns)
-        true = known.is_true(condition)
-        if true is None:
-            return self._untold(sentence, condition) if _STATED.search(condition) else None
-        how = match["how"] or match["how1"]
-        if how in ("unless", "except if", "except when"):
-            true = not true
-        other = match["else"]
-        if not true and not other:
-            text = f"I do nothing, because {'' if how == 'unless' else 'it is not so that '}{condition}"
-            state = known.described()
-            return Answer(sentence, 1.0, (), (0, len(sentence)), text=f"{text}{state and f': {state}'}")
-        if not true:
-            short = re.match(r"(?:a )?\w+ (?:one|cube|block)$|\w+$", other)
-            if not short and (named := phrase(self.now, planner, scan(command))[1]):
-                planner.it = named[0].things[-1:] or planner.it
-            command = _with_object(command, other) if short else other
-        trial = self.copy()
-        trial.it = planner.it
-        return trial._command(command, made)
 
 
 def interpret(
@@ -525,10 +482,3 @@ def _without_idle(sentence: str, parts: list[Part]) -> str:
 def _certain(made: Sequence[Gesture]) -> list[int]:
     """Return the things of gestures that show one; [] if one is uncertain."""
     return [each.things[0] for each in made] if all(len(each.things) == 1 for each in made) else []
-
-
-def _with_object(command: str, thing: str) -> str:
-    """Return a command with another object: "give it to me", "the yellow one"."""
-    if re.search(r"\b(?:it|that)\b", command):
-        return re.sub(r"\b(?:it|that one|that|this)\b", thing, command, count=1)
-    return f"{command.split()[0]} {thing}"

@@ -1,0 +1,224 @@
+"""Conditions: "close the fridge if it is open, and then ...", compared with the world that the steps before leave.
+
+A sentence is divided into steps. What a condition is about is done or left out, and the rest is read as without it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import NamedTuple
+
+from language.acts import CONDITION
+from language.meanings import Gesture
+from language.normalise import plain_start
+from language.outcomes import Answer, Outcome, Plan, Refusal
+from language.questions import Questions
+from language.remarks import command as command_word
+from language.replies import Replies
+from language.scanning import scan, verb_words
+from language.talk import name, offers, phrase
+
+MOST = 4  # conditions of a sentence
+_IF = r"(?:only if|if|unless|in case|provided|as long as|except if|except when|only when)"
+_BEGINS = re.compile(rf"^(?:(?:and|but|then|so|please) )*(?:{_IF}|when(?! you (?:have|are|did))|whenever|assuming) ")
+_OTHERWISE = re.compile(r"^(?:(?:and|but) )?(?:otherwise|else|if not|or else)\b")
+_POLITE = (  # what only asks kindly
+    r"(?:(?:you|we) (?:can|could|would|will|like|want|please|may|wish|do not mind|must|(?:have|need)(?: a| to|$)"
+    r"|are (?:able|ready|free|so kind))|i may|i (?:can|could|might) ask|possible|necessary|needed|needs? be|so kind"
+    r"|(?:that|it|this) is (?:okay|fine|alright|all right|possible|convenient|no (?:trouble|bother|problem)|not too)"
+    r")\b"
+)
+_STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
+_PLACE = re.compile(r"\b(?:on|in|into|onto|inside|from|out of|behind|under|to|of)\b")
+_SPOKEN = re.compile(r"\b(?:it|they|that|them|there)\b")
+
+
+class Conditional(NamedTuple):
+    """A sentence with its first condition: the words before and after, the condition, what is done if it holds or not.
+
+    how: "if", "unless" and the like. leads: whether the condition comes before what it is about.
+    """
+
+    before: str
+    how: str
+    condition: str
+    does: str
+    otherwise: str
+    after: str
+    leads: bool
+
+
+@cache
+def _joint() -> re.Pattern[str]:
+    """Return a pattern for what joins two steps."""
+    verb = rf"(?:(?:please|just|also) )*(?:{verb_words()}|do not|{_IF})\b"
+    then = r"(?:and |but )*(?:then|finally|afterwards|after that|after this|next|lastly)"
+    return re.compile(
+        rf" ?[;.!] ?(?:{then} )?(?=.)|(?: ,)? {then}(?: ,)? | ,(?: and| but)? (?={verb})| (?:and|but) (?={verb})"
+    )
+
+
+def _steps(text: str) -> list[tuple[str, str]]:
+    """Return the steps of a sentence, each after what joins it to the one before."""
+    found, at, joint = [], 0, ""
+    for match in _joint().finditer(text):
+        found.append((joint, text[at : match.start()]))
+        at, joint = match.end(), match[0]
+    return [*found, (joint, text[at:])]
+
+
+def conditional(text: str) -> Conditional | None:
+    """Return the first condition of plain words; None if there is none, or it is not said what is done then."""
+    steps = _steps(text)
+    begins = rf"(?:^|\s){_IF} (?!{_POLITE})|{_BEGINS.pattern}(?!{_POLITE})"
+    at = next((i for i, (_, words) in enumerate(steps) if re.search(begins, words)), None)
+    if at is None:
+        return None
+    first, last, leads = at, at + 1, bool(_BEGINS.match(steps[at][1]))
+    if not leads:  # "take it and put it in there if ..."
+        while first and steps[first][0] == " and " and _SPOKEN.search(re.split(rf" {_IF} ", steps[first][1])[0]):
+            first -= 1
+    while last < len(steps) and (
+        _OTHERWISE.match(steps[last][1]) or (leads and re.fullmatch(r" ,(?: and)? | and ", steps[last][0]))
+    ):
+        last += 1
+    match = _match(steps[first:last])
+    if match is None and leads and at:  # "press it, if it is up"
+        first, last, leads = at - 1, at + 1, False
+        match = _match(steps[first:last])
+    if match is None:
+        first, last, match = 0, len(steps), _match(steps)
+    if match is None:
+        return None
+    return Conditional(
+        _joined(steps[:first]),
+        match["how"] or match["how1"],
+        match["if"] or match["if2"],
+        match["do"] or match["do2"],
+        match["else"] or "",
+        _joined(steps[last:]),
+        leads,
+    )
+
+
+def _match(steps: Sequence[tuple[str, str]]) -> re.Match[str] | None:
+    return CONDITION.match(re.sub(r"^(?:(?:and|but|then|so|please) )+", "", _joined(steps)))
+
+
+class Weighed(NamedTuple):
+    """What comes of a condition.
+
+    does: what is to be done; "" for nothing; or why it is not clear, None: as if there were no condition.
+    note: why something is left out. it: what "it" means then.
+    """
+
+    does: str | Outcome | None
+    note: str = ""
+    it: tuple[int, ...] = ()
+
+
+def _joined(steps: Sequence[tuple[str, str]]) -> str:
+    return "".join(words if not at else joint + words for at, (joint, words) in enumerate(steps)).strip(" ,")
+
+
+@dataclass
+class Conditions(Replies):
+    """Compares the conditions of a sentence with the world."""
+
+    def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
+        raise NotImplementedError
+
+    def copy(self) -> Conditions:
+        """Return a dialogue with the same memory, to try a sentence."""
+        raise NotImplementedError
+
+    def _conditional(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return the outcome of a sentence with conditions; None of another one."""
+        trial, notes = self.copy(), []
+        left: tuple[str, ...] = ()
+        text = trial._without_lead(plain_start(sentence).replace(" 's ", " is "))
+        for number in range(MOST):
+            found = None if self.now.cells else conditional(text)
+            if found is None and not number:
+                return None
+            if found is None:
+                break
+            does, note, it = trial._weighed(found, made)
+            if not isinstance(does, str):
+                return does
+            if not found.before:
+                trial.it = it or trial.it
+            left += (f"I leave out '{found.does}', because {note}",) if note else ()
+            text = " , then ".join(part for part in (found.before, does, found.after) if part)
+            notes += [note] if note else []
+        if not text:
+            return Answer(sentence, 1.0, (), (0, len(sentence)), text=f"I do nothing, because {'; '.join(notes)}")
+        outcome = replace(trial._command(text, made), span=(0, len(sentence)))
+        return replace(outcome, notes=(*outcome.notes, *left)) if isinstance(outcome, Plan) else outcome
+
+    def _without_lead(self, plain: str) -> str:
+        """Return a sentence without what only names a thing: "I forgot where X is; if it is in the drawer, ..."."""
+        lead = re.match(r"([^.;!]+) [.;!] (?=(?:if|unless) )", plain)
+        if lead is None or command_word().match(lead[1]):
+            return plain
+        refs = phrase(self.now, self.planner(), scan(lead[1]))[1]
+        self.it = tuple(i for ref in refs[:1] for i in ref.things[-1:]) or self.it
+        return plain[lead.end() :]
+
+    def _weighed(self, found: Conditional, made: tuple[Gesture, ...]) -> Weighed:
+        """Return what comes of a condition in the world that the words before it leave."""
+        trial = self.copy()
+        if found.before:
+            outcome = trial._command(found.before, made)
+            if not isinstance(outcome, Plan):
+                return Weighed(outcome)
+            trial.remember(outcome, trial.now)
+        planner = trial.planner(made)
+        parts = reversed([found.does, *_PLACE.split(found.does)[1:]])
+        refs = [[ref.things[-1:] for ref in phrase(trial.now, planner, scan(part))[1] if ref.things] for part in parts]
+        named = [min(each, key=lambda it: not trial.now.is_loose(it[0])) for each in refs if each]
+        spoken = _SPOKEN.search(found.condition)
+        before = planner.it and ((found.leads and found.before) or re.match(r"\w+ (?:it|them|that)\b", found.does))
+        its = [planner.it] if before or not spoken else [*named, planner.it]
+        plain = re.sub(r"^(there is )?nothing\b", r"\1something", found.condition)
+        known = Questions(trial.now, planner, trial.turns)
+        true = None
+        for it in its:
+            planner.it = it
+            true = self._all_true(known, plain) if true is None else true
+        if true is None:
+            stated = found.before or found.after or _STATED.search(found.condition)
+            return Weighed(self._untold(found.condition) if stated else None)
+        if (found.how in ("unless", "except if", "except when")) != (plain != found.condition):
+            true = not true
+        if true:
+            subject = name(trial.now, known.things[0]) if known.things and found.before and not spoken else "it"
+            return Weighed(re.sub(r"\bit\b", subject, found.does, count=1), it=planner.it)
+        if found.otherwise:
+            short = re.match(r"(?:a )?\w+ (?:one|cube|block)$|\w+$", found.otherwise)
+            it = planner.it if short or not named else named[-1]
+            return Weighed(_with_object(found.does, found.otherwise) if short else found.otherwise, it=it)
+        state = known.described()
+        why = f"{'' if found.how == 'unless' else 'it is not so that '}{found.condition}{state and f': {state}'}"
+        return Weighed("", why, planner.it)
+
+    def _all_true(self, known: Questions, condition: str) -> bool | None:
+        """Return whether a condition holds, or all of several that "and" joins; None if nobody can tell."""
+        whole = known.is_true(condition)
+        parts = [known.is_true(part) for part in condition.split(" and ")] if whole is None else []
+        return whole if None in parts or not parts else all(parts)
+
+    def _untold(self, condition: str) -> Refusal:
+        """Return the refusal of a sentence whose condition cannot be compared with the world."""
+        text, offered = f"I cannot tell whether {condition}", offers(self.now, condition.split())
+        return Refusal(condition, 0.0, (), (0, len(condition)), reason="nothing", text=text, suggestions=offered)
+
+
+def _with_object(command: str, thing: str) -> str:
+    """Return a command with another object: "give it to me", "the yellow one"."""
+    if re.search(r"\b(?:it|that)\b", command):
+        return re.sub(r"\b(?:it|that one|that|this)\b", thing, command, count=1)
+    return f"{command.split()[0]} {thing}"
