@@ -7,6 +7,7 @@ judgement prune each span while it is parsed, so that a sentence of 30 words tak
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from language import costs
@@ -302,7 +303,8 @@ class Chart:
             self._relations[start] = []
             found: list[Item] = []
             for gap in self.lattice.gaps(start):
-                for item in [*self._plain(gap.end), *self._measured(gap.end)]:
+                plain = self._plain(gap.end)
+                for item in [*plain, *self._measured(gap.end), *(more for each in plain for more in self._by(each))]:
                     found.append(Item(item.end, item.value, item.cost + gap.cost, item.skipped | gap.skipped))
             self._relations[start] = self._best_relations(found)
         return self._relations[start]
@@ -381,6 +383,17 @@ class Chart:
                     )
                     found.append(Item(item.end, measured, measure.cost + item.cost, measure.skipped | item.skipped))
         return found
+
+    def _by(self, item: Item) -> list[Item]:
+        """Return a relation with the length after it: "away from me by 6 cm"."""
+        relation: RelationPhrase = item.value
+        if relation.measure is not None or relation.name not in ("toward", "away") or not self.lattice.table:
+            return []
+        return [
+            Item(by.end, replace(relation, measure=by.value, span=(relation.span[0], by.end)), item.cost, item.skipped)
+            for by in self.measure(item.end)
+            if by.value.unit != "bit"
+        ]
 
     def anchored(self, start: int) -> list[Item]:
         """Return the entities that may follow a preposition."""

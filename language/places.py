@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from language import costs
 from language.meanings import Entity, Measure, RelationPhrase
 from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
-from language.spots import Point, Spot, a_name, settle
+from language.spots import Point, Spot, a_name, elsewhere, facing, settle
 from language.world import FIXED, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
@@ -252,7 +252,8 @@ def _also(resolver: Resolver, mover: int, points: list[Point], relation: Relatio
 class _Wish(NamedTuple):
     """Where something should go: nominal x and y, None where the words leave it open; which spots will do; a cost.
 
-    spot: the only spot that is meant, such as on a thing or in a container. what: in words.
+    spot: the only spot that is meant, such as on a thing or in a container. what: in words. length: how far it shall
+    move, if that is said.
     """
 
     x: float | None
@@ -262,6 +263,7 @@ class _Wish(NamedTuple):
     spot: Spot | None = None
     what: str = ""
     anchor: int | None = None
+    length: float = 0.0
 
 
 def _enclosed(world: WorldModel, box: int, cost: float) -> Spot:
@@ -273,6 +275,7 @@ def _enclosed(world: WorldModel, box: int, cost: float) -> Spot:
 
 def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
     world = resolver.world
+    relations = tuple(facing(world, each, len(relations) < 2) for each in relations)
     back = any(each.name == "home" for each in relations)  # "back where it was" has one direction
     directions = tuple(each for each in relations if each.name == "direction" and not back)
     others = [each for each in relations if each.name != "direction"]
@@ -322,12 +325,10 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
             at = int(away.argmin())
             near = min(taken, key=lambda i: math.dist((nx, ny), _xy(world, i)), default=None)
             blocked = near is not None and math.dist((nx, ny), _xy(world, near)) < share * thing.width
-            note = (
-                f"{a_name(world, near)} is in the way, so I take the nearest free spot"
-                if blocked and near is not None
-                else ""
-            )
-            return Spot(float(gx[at]), float(gy[at]), world.ground, None, cost, "", note if away[at] > GRID else "")
+            x, y, said = float(gx[at]), float(gy[at]), max((wish.length for wish in wishes), default=0.0)
+            moved = math.dist((x, y), (thing.x, thing.y)) if said and not world.cells else said
+            note = elsewhere(world, near if blocked else None, moved, said) if away[at] > GRID else ""
+            return Spot(x, y, world.ground, None, cost, "", note)
     near = min(taken, key=lambda i: math.dist((nx, ny), _xy(world, i)))
     return Spot(
         nx, ny, world.ground, None, cost, f"{a_name(world, near)} stands there: there is no free spot near enough"
@@ -359,7 +360,7 @@ def _shifts(
     """
     thing = world.things[mover]
     dx = dy = 0.0
-    length, bit = world.pitch, False
+    bit, vectors = False, []
     for each in directions:
         value = each.value or "left"
         if value in ("up", "top"):
@@ -369,31 +370,29 @@ def _shifts(
                 x, y = (None, None) if further else (thing.x, thing.y)
                 return [_Wish(x, y, _anywhere, what="the table")]
             value = "near"
-        if each.measure is not None:
-            length = _length(world, each.measure, length)
-            bit = bit or each.measure.unit == "bit"
-        ux, uy = world.toward(value)
-        dx, dy = dx + ux, dy + uy
+        bit = bit or (each.measure is not None and each.measure.unit == "bit")
+        vectors.append((world.toward(value), each.measure))
+    last = next((measure for _, measure in reversed(vectors) if measure is not None), None)
+    for (ux, uy), measure in vectors:  # a length serves for directions without one
+        length = _length(world, measure or last, world.pitch)
+        dx, dy = dx + ux * length, dy + uy * length
     if further:  # "on the left, near the front"
         box = _side_wish(world, [each.value or "left" for each in directions], False)
         return [box]
     if (dx, dy) == (0.0, 0.0):
         return []
     said = any(each.measure is not None and each.measure.unit != "bit" for each in directions)
+    wide, deep = abs(dx), abs(dy)
 
     def fits(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-        along_x, along_y = (x - thing.x) * dx, (y - thing.y) * dy
-        least = 0.5 * length if said else 0.008
-        most = 1.4 * length if said else 0.12 if bit else 1.0
-        ok = np.hypot(x - thing.x, y - thing.y) <= most
-        if dx:
-            ok &= along_x >= least
-        if dy:
-            ok &= along_y >= least
+        along_x, along_y = (x - thing.x) * np.sign(dx), (y - thing.y) * np.sign(dy)
+        ok = np.hypot(x - thing.x, y - thing.y) <= (1.4 * max(wide, deep) if said else 0.12 if bit else 1.0)
+        ok &= along_x >= (0.5 * wide if said else 0.008 * bool(dx))
+        ok &= along_y >= (0.5 * deep if said else 0.008 * bool(dy))
         aside = np.abs(y - thing.y) if not dy else np.abs(x - thing.x) if not dx else 0.0 * x
-        return ok & (aside <= np.maximum(0.03, 0.8 * (along_x * (dx != 0) + along_y * (dy != 0))))
+        return ok & (aside <= np.maximum(0.03, 0.8 * (along_x + along_y)))
 
-    return [_Wish(thing.x + dx * length, thing.y + dy * length, fits, what="that place")]
+    return [_Wish(thing.x + dx, thing.y + dy, fits, what="that place", length=math.hypot(dx, dy) * said)]
 
 
 def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: bool, alone: bool) -> list[_Wish]:
@@ -416,15 +415,8 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         return _shifts(world, mover, (replace(relation, name="direction", value=region.sides[0]),), False)
     if relation.name in ("toward", "away", "farthest") and region.kind == "person" and world.hand is not None:
         return [_along(world, mover, world.hand, relation, "the place near your hand")]
-    if relation.name == "toward" and region.kind == "person":  # who stands opposite the robot
-        value = "backward" if world.viewpoint == "human" else "forward"
-        return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value=value),), False)
-    if relation.name in ("toward", "to") and region.kind == "robot":
-        return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value="backward"),), False)
-    if relation.name in ("away", "farthest") and region.kind == "robot" and not alone:
-        return [_side_wish(world, ["far"], False)]
     if relation.name in ("away", "farthest") and region.kind == "robot":
-        return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value="forward"),), False)
+        return [_side_wish(world, ["far"], False, absolute=True)]
     for ref in _anchors(resolver, relation, mover if typed or world.containers or world.devices else None):
         if ref.kind == "person" and world.hand is not None:
             ref = thing_ref(world, world.hand)
@@ -526,7 +518,8 @@ def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase,
         moved = np.hypot(x - thing.x, y - thing.y) > 0.004
         return moved & ((now < before - 0.022) if relation.name == "toward" else (now > before + 0.012))
 
-    return _Wish(thing.x + ux * step, thing.y + uy * step, fits, what=what)
+    said = abs(step) * (relation.measure is not None and relation.measure.unit != "bit")
+    return _Wish(thing.x + ux * step, thing.y + uy * step, fits, what=what, length=said)
 
 
 def _near_point(x: float, y: float, most: float, what: str) -> _Wish:

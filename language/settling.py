@@ -225,6 +225,9 @@ def matters(lattice: Lattice, index: int) -> bool:
     strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack", "role", "order"}
     if any(edge.value == "person" for edge in edges.get("region", ())) and lattice.text(index) not in PERSONS:
         return True
+    board = any(edge.value == "board" for edge in edges.get("region", ()))
+    if board and index and "verb" in lattice.edges[index - 1]:
+        return True  # "put the table on the cube"
     if any(edge.value not in (1, -1) for edge in edges.get("ordinal", ())):
         return True
     if "verb" in edges and (index == 0 or "join" in lattice.edges[index - 1] or lattice.text(index - 1) in ",;."):

@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from language import costs
+from language.meanings import RelationPhrase
 from language.world import FLAT, WorldModel
+
+NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
 
 
 class Spot(NamedTuple):
@@ -67,6 +70,35 @@ def settle(world: WorldModel, mover: int, point: Point) -> Spot:
     if under.top + mine.top - mine.bottom > world.ceiling:
         return Spot(x, y, under.top, top, cost, f"the stack under {name} is as high as the arm reaches")
     return Spot(under.x, under.y, under.top, top, cost)
+
+
+def elsewhere(world: WorldModel, blocking: int | None, moved: float, said: float) -> str:
+    """Return what a person should know of a spot that is not the very place that was meant.
+
+    Args:
+        world: of the spot.
+        blocking: what stands in the way, or None.
+        moved, said: metres that the thing moves, and shall move; 0: no length was said.
+    """
+    why = "the rest is out of my reach" if blocking is None else f"{a_name(world, blocking)} is in the way"
+    if abs(moved - said) > NOTED:
+        return f"that is {100 * moved:.0f} cm, not {100 * said:.0f}: {why}"
+    return "" if blocking is None else f"{why}, so I take the nearest free spot"
+
+
+def facing(world: WorldModel, relation: RelationPhrase, alone: bool) -> RelationPhrase:
+    """Return "closer to you" and the like as a direction, other relations as they are. alone: it is the only one.
+
+    The person is opposite the robot; "forward" is away from whose left is meant.
+    """
+    kind = relation.anchors[0].kind if relation.anchors else ""
+    leaves = relation.name in ("away", "farthest") and kind == "robot" and (alone or relation.measure is not None)
+    comes = relation.name == "toward" or (relation.name == "to" and kind == "robot")
+    if not leaves and not (comes and (kind == "robot" or (kind == "person" and world.hand is None))):
+        return relation
+    forward = (leaves or kind == "person") != (world.viewpoint == "human")
+    value = "forward" if forward else "backward"
+    return RelationPhrase("direction", (), relation.measure, value, relation.span)
 
 
 def a_name(world: WorldModel, index: int) -> str:

@@ -1,0 +1,48 @@
+"""Lengths and directions: how far a thing is moved, and what is told where it cannot go as far as that."""
+
+import math
+
+import pytest
+
+from language import Dialogue, Object, Plan, Refusal, Scene, table
+
+SCENE = Scene([Object("cube", "cyan", (0.44, -0.05, 0.025)), Object("cube", "pink", (0.50, 0.17, 0.025))], "human")
+WORLD = table(SCENE, bounds=(0.32, 0.56, -0.3, 0.3))
+
+
+def moved(sentence, scene=SCENE):
+    """How far the cyan cube goes along x and y, in metres, and the notes."""
+    outcome = Dialogue().answer(sentence, table(scene, bounds=WORLD.bounds))
+    assert isinstance(outcome, Plan), outcome
+    place = outcome.steps[-1].place
+    return place[0] - WORLD.things[0].x, place[1] - WORLD.things[0].y, outcome.notes
+
+
+@pytest.mark.parametrize(
+    ("sentence", "dx", "dy"),
+    [
+        ("move the cyan cube 5 cm closer to me", 0.05, 0.0),
+        ("move the cyan cube 5 cm closer to you", -0.05, 0.0),
+        ("move the cyan cube away from you by 6 cm", 0.06, 0.0),
+        ("move the cyan cube 2 inches to the left", 0.0, -0.0508),
+        ("move the cyan cube ten cm closer to you and then five cm to the left", -0.10, -0.05),
+    ],
+)
+@pytest.mark.parametrize("viewpoint", ["human", "robot"])
+def test_a_thing_moves_as_far_as_is_said(sentence, dx, dy, viewpoint):
+    x, y, notes = moved(sentence, Scene(list(SCENE), viewpoint))
+    side = dy if viewpoint == "human" else -dy  # the robot's left is opposite; "to me" and "to you" are not
+    assert (x, y) == pytest.approx((dx, side), abs=0.006)
+    assert not notes
+
+
+def test_a_move_that_is_cut_short_is_told():
+    x, y, notes = moved("move the cyan cube 15 cm closer to me")
+    assert math.hypot(x, y) == pytest.approx(0.12, abs=0.006)
+    assert any("12 cm, not 15" in note for note in notes)
+
+
+def test_the_table_is_not_moved_and_nothing_else_instead():
+    outcome = Dialogue().answer("put the table on top of the cubes", WORLD)
+    assert isinstance(outcome, Refusal)
+    assert "table" in outcome.text
