@@ -133,7 +133,7 @@ def entry_of(said: str, outcome: Outcome, understood: str, names: Sequence[str])
         return Entry("question", parts, text=_sentence(outcome.text), offers=choices[:MOST_OFFERS])
     if isinstance(outcome, Refusal):
         suggestions = list(outcome.suggestions[:2])
-        if outcome.text.endswith(" already"):  # nothing is left to do
+        if outcome.reason == "already":  # nothing is left to do
             return Entry("answer", parts, text=_sentence(outcome.text), offers=suggestions)
         return Entry("refusal", parts, text=_sentence(outcome.text), offers=suggestions)
     assert isinstance(outcome, Answer)

@@ -70,6 +70,10 @@ class Subtask:
         return (self.referent,) if self.target is None else (self.referent, self.target)
 
 
+class AlreadySo(LanguageError):
+    """Nothing is left to do."""
+
+
 class SubtaskPlanner:
     """Plans for the task of this environment.
 
@@ -139,7 +143,7 @@ class SubtaskPlanner:
         scene = self.scene()
         left = [step for step in steps if not (step.several and self._is_there(step, scene))]
         if steps and not left:
-            raise LanguageError("they are there already")
+            raise AlreadySo("they are there already")
         return left
 
     def _is_there(self, step: Step, scene: Scene) -> bool:

@@ -198,7 +198,8 @@ class Session:
         except LanguageError as error:
             world = self._dialogue.turns[-1].world
             suggestions = self._offers(offers(world, sentence.lower().split()))
-            refusal = Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", str(error), suggestions)
+            reason = "already" if isinstance(error, planning.AlreadySo) else "impossible"
+            refusal = Refusal(sentence, 0.0, (), (0, len(sentence)), reason, str(error), suggestions)
             self._dialogue.amend(refusal, world)
             return refusal
         self.view.sentence = sentence

@@ -250,7 +250,7 @@ class Dialogue(Conditions):
         done, world = self.done(number), self.now
         if done is None:
             return self._nothing(sentence, "undo")
-        steps = restoring(world, done.world)
+        steps = restoring(world, done.world, [step.object for step in getattr(done.outcome, "steps", ())])
         result = world
         for step in steps:
             result = result.after(step)

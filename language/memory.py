@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 from language.meanings import Gesture, Reading
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
 from language.planning import Planner
+from language.revising import tells
+from language.spots import Rest, left_place
 from language.world import WorldModel
 
 
@@ -75,7 +77,8 @@ class Memory:
             c.entity for c in clauses if c.entity
         ]
         resolver = self.planner(world=world).resolver(world, self.it, None)
-        found = [resolver.resolve(each) for each in phrases if each.kind == "thing"]
+        says = [each for each in phrases if each.kind == "thing" and tells(each)]
+        found = [resolver.resolve(each) for each in says]
         sure = [refs[0] for refs in found if refs and all(ref.cost > refs[0].cost + 0.2 for ref in refs[1:])]
         return tuple(ref.things[-1] for ref in sure if ref.things)
 
@@ -91,9 +94,17 @@ class Memory:
         it = self.it if world.held is None or world.cells else (world.held, *(i for i in self.it if i != world.held))
         planner = Planner(world, it, self.it, gestures=made, box=self.box)
         planner.boxes = () if self.box is None else (self.box,)
-        planner.others = self._others(world)
+        planner.others, planner.rests = self._others(world), self._rests(world)
         planner.recent = tuple(dict.fromkeys(i for turn in reversed(self.turns) for i in reversed(turn.about)))
         return planner
+
+    def _rests(self, world: WorldModel) -> dict[int, Rest]:
+        """Return where things stood before they were moved last."""
+        found: dict[int, Rest] = {}
+        for turn in self.turns:
+            left = ((i, left_place(turn.world, world, i)) for i in range(len(world.things)) if world.is_loose(i))
+            found |= {index: rest for index, rest in left if rest is not None}
+        return found
 
     def _others(self, world: WorldModel) -> tuple[int, ...]:
         """Return what "the other one" means: the rest of the things of a turn from which one was singled out later."""

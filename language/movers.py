@@ -44,6 +44,8 @@ class Movers(Steps):
         """Yield the plan with what "it" may mean, or what is meant where nothing is named."""
         act, world = clause.act, plan.world
         named = [i for i in plan.it if allows(world, act, i)]
+        if act in LOOSE and not named and not plan.steps:  # "put the cube in and close it", "put it back"
+            named = [i for i in self.recent[:3] if allows(world, act, i)][:1]
         if act in BOXES and plan.box is not None and not named:
             named = [plan.box]
         if act in BOXES and not named and plan.it and plan.it[0] in world.inside:
@@ -57,8 +59,7 @@ class Movers(Steps):
                 yield replace(plan, mover=plan.it[0], entity=clause.entity)
                 return
             named_by = clause.entity or Entity(span=clause.span)
-            why = "nothing was mentioned that this may mean; name the thing, or point at it"
-            yield replace(plan, failure=why, reason="dialogue", entity=named_by)
+            yield replace(plan, failure="which thing is meant", reason="which", entity=named_by)
         for index in named if len(named) > 1 and plan.it[:1] != tuple(named[:1]) else named[:1]:
             yield replace(plan, mover=index, mentioned=(index,), entity=clause.entity)
 

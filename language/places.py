@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from language import costs
 from language.meanings import Entity, Measure, RelationPhrase
 from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
-from language.spots import Point, Spot, a_name, elsewhere, facing, settle
+from language.spots import Point, Spot, a_name, elsewhere, enclosed, facing, settle
 from language.world import FIXED, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
@@ -49,7 +49,7 @@ def _spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...]
     world = resolver.world
     given = any(anchor.kind == "person" for each in relations if each.name not in _APART for anchor in each.anchors)
     if world.hand is not None and given:
-        return [_enclosed(world, world.hand, 0.0)]
+        return [enclosed(world, world.hand, 0.0)]
     if not world.cells:
         return _on_table(resolver, mover, relations, typed)
     points = _points(resolver, mover, relations[0], typed)
@@ -266,13 +266,6 @@ class _Wish(NamedTuple):
     length: float = 0.0
 
 
-def _enclosed(world: WorldModel, box: int, cost: float) -> Spot:
-    """Return the place in a container or on the open hand."""
-    thing = world.things[box]
-    why = next((f"{a_name(world, box)} is full: {a_name(world, i)} is in it" for i in world.contents(box)), "")
-    return Spot(thing.x, thing.y, thing.top if box == world.hand else thing.bottom, box, cost, why)
-
-
 def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
     world = resolver.world
     relations = tuple(facing(world, each, len(relations) < 2) for each in relations)
@@ -397,14 +390,18 @@ def _shifts(
 
 def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: bool, alone: bool) -> list[_Wish]:
     """Return where one relation says that a thing goes, for each referent of its anchor."""
-    world, thing = resolver.world, resolver.world.things[mover]
+    world = resolver.world
     if relation.name == "home":
-        x, y = world.home.get(mover, (thing.x, thing.y))
+        x, y, under = resolver.rest or (world.things[mover].x, world.things[mover].y, None)
+        if under is not None and under in (*world.containers, world.hand):
+            return [_Wish(None, None, _anywhere, spot=enclosed(world, under, 0.0))]
+        if under is not None:
+            x, y = world.things[under].x, world.things[under].y
         if world.column(x, y, mover):  # it stood on something
             return [_Wish(None, None, _anywhere, spot=settle(world, mover, Point(x, y, 0.0)))]
         return [_near_point(x, y, 0.05, "its old place")]
     if relation.name == "into":
-        return [_Wish(None, None, _anywhere, spot=_enclosed(world, box, 0.0)) for box in resolver.boxes()]
+        return [_Wish(None, None, _anywhere, spot=enclosed(world, box, 0.0)) for box in resolver.boxes()]
     if relation.name == "between":
         return _between(resolver, mover, relation)
     if not relation.anchors:
@@ -444,7 +441,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
         if name in ("on", "over") and anchor != world.hand:
             at = Spot(other.x, other.y, other.top, anchor, 0.0, f"nothing can stand on {a_name(world, anchor)}")
             return [_Wish(None, None, _anywhere, spot=at)]
-        return [_Wish(None, None, _anywhere, spot=_enclosed(world, anchor, 0.0))] if name in (*ONTO, "near") else []
+        return [_Wish(None, None, _anywhere, spot=enclosed(world, anchor, 0.0))] if name in (*ONTO, "near") else []
     if other.target:
         return [_near_point(other.x, other.y, 0.16, "the marked place")] if name in (*ONTO, "spot_of") else []
     if name == "spot_of":

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
+from language.spots import Rest
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
@@ -387,6 +388,7 @@ class Resolver:
         self.world, self.it, self.mentioned, self.origin = world, it, mentioned, origin
         self.box: int | None = None  # the container that was spoken of
         self.others: tuple[int, ...] = ()  # what "the other one" means
+        self.rest: Rest | None = None  # where the thing that moves was before
         self.aloft = False  # whether the thing that moves was not on the table
         self._known: dict[tuple[Entity, int], list[Ref]] = {}
         self._heads: dict[tuple, list[Ref]] = {}

@@ -11,11 +11,11 @@ from language.meanings import Clause, Entity, Reading
 from language.memory import Memory
 from language.outcomes import Outcome, Plan, Question, Step
 from language.planning import CARRY, Planner
-from language.revising import filled, pinned, restoring, revised, selecting
+from language.revising import filled, is_unshown, pinned, restoring, revised, selecting
 from language.scanning import Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.talk import name, offers, phrase
-from language.verbs import Act
+from language.verbs import HERE, POINTING, Act
 from language.world import FIXED, WorldModel
 
 
@@ -36,16 +36,25 @@ class Replies(Memory):
         if asked is None and clause.entity is None and (other := self._other_place(sentence, clause)) is not None:
             return other
         if asked is not None and not reply.rejects:
+            if len(asked.candidates) != 1 and self._unshown(clause.entity, found):
+                return replace(asked, sentence=sentence)
             entity = clause.entity or (selecting(clause.places) if asked.candidates else None)
             chosen = self._chosen(sentence, asked, entity, found) if entity is not None else None
             if chosen is not None:
                 return chosen
         if self.last is None:
             return None if clause.entity is None else self._what(sentence, clause.entity)
+        if self._unshown(clause.entity, found) and not clause.places:
+            return Question(sentence, 0.0, text="Which thing do you mean? Name it, or point at it", reading=self.last)
         if world.held is not None and clause.entity is None and not world.cells:
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
         restore = reply.rejects and (clause.entity is not None or world.cells)
         return self._tried(sentence, revised(self.last, reply), found, restore)
+
+    def _unshown(self, entity: Entity | None, found: Choices) -> bool:
+        """Whether a phrase is "it" or "this one", and nothing is shown to which that could refer."""
+        shows = {*POINTING, *HERE} & {token.text for token in found.lattice.tokens}
+        return is_unshown(entity) and (bool(shows) or (entity is not None and entity.kind == "it"))
 
     def _other_place(self, sentence: str, clause: Clause) -> Outcome | None:
         """Return what comes of "on the other one" after something was put on or in one thing; None of other words."""
@@ -80,6 +89,8 @@ class Replies(Memory):
         rejected = [ref for part in parts for ref in phrase(self.now, self.planner(), scan(part))[1]]
         left = tuple(i for i in asked.candidates if i not in {i for ref in rejected for i in ref.things})
         entity = phrase(self.now, self.planner(), words[:at])[0] if at else None
+        if self._unshown(entity, found):
+            return None
         first, end = entity.span if entity is not None else (0, 0)
         heads = {i for i in range(len(found.lattice)) if found.lattice.is_head(i)}
         if entity is not None and at == len(texts) and (entity.ordinal or heads - {*range(first, end)}):
@@ -186,7 +197,8 @@ class Replies(Memory):
     def _starts(self, restore: bool, back: bool) -> Iterator[tuple[WorldModel, tuple[Step, ...]]]:
         """Yield the worlds from which a correction is tried, each with the steps that lead to it."""
         world, done = self.now, self.done()
-        before = done.world if done is not None else world
+        corrects = done is not None and self.last is getattr(done.outcome, "reading", None)  # not what was asked since
+        before = done.world if done is not None and corrects else world
         restored = restoring(world, before)
         if restored and restore:
             yield before, restored

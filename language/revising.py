@@ -2,26 +2,42 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.outcomes import Step
 from language.places import ONTO
-from language.spots import a_name
+from language.spots import BRUSHED, a_name, is_elsewhere
 from language.steps import CARRY
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.words import ENCLOSING
 from language.world import WorldModel
 
 _GOING = (*ONTO, "near")  # relations to what the gripper goes to
-SAME = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
+MOVED = 0.06  # of the distance between neighbours: a thing that was to move and moved less is where it was
 
 
 def pinned(index: int) -> Entity:
     """Return a phrase for one thing."""
     return Entity(pointed=Gesture((index,)))
+
+
+def tells(phrase: Entity) -> bool:
+    """Return whether a phrase for things says which are meant: "one" and "the thing there" do not."""
+    related = [each for each in phrase.relations if each.name != "here"]
+    said = phrase.colors, phrase.sides, phrase.superlative, phrase.ordinal, phrase.role, phrase.number
+    chosen = phrase.any or phrase.every or phrase.other or isinstance(phrase.pointed, Gesture)
+    return chosen or phrase.noun not in (None, "thing") or any(each not in (None, ()) for each in (*said, *related))
+
+
+def is_unshown(entity: Entity | None) -> bool:
+    """Return whether a phrase is like "it" or "this one", with nothing shown to which that could refer."""
+    if entity is None or entity.kind == "list":
+        return entity is not None and any(is_unshown(part) for part in entity.parts)
+    if entity.plural or isinstance(entity.pointed, Gesture):
+        return False
+    return entity.kind == "it" or (entity.kind == "thing" and not tells(entity))
 
 
 def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading | None:
@@ -180,18 +196,17 @@ def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
     return Entity(relations=places)
 
 
-def restoring(now: WorldModel, then: WorldModel) -> tuple[Step, ...]:
-    """Return the steps that bring everything back to where and how it was."""
+def restoring(now: WorldModel, then: WorldModel, moved: Sequence[int] = ()) -> tuple[Step, ...]:
+    """Return the steps that bring everything back to where and how it was. moved: what was to be moved since."""
     steps: list[Step] = []
     order = sorted(range(len(then.things)), key=lambda i: (i != now.held, then.things[i].bottom))
     boxes = [box for box in now.containers if (box in now.open) != (box in then.open)]
     steps += [Step(doing(Act.OPEN), box) for box in boxes if box in then.open]
     for index in order:
-        old, new = then.things[index], now.things[index]
+        old = then.things[index]
         if index == then.held or not then.is_loose(index):  # a see-through thing marks a place, and others are fixed
             continue
-        moved = math.dist((old.x, old.y, old.bottom), (new.x, new.y, new.bottom))
-        if index == now.held or moved > SAME * now.pitch:
+        if index == now.held or is_elsewhere(now, then, index, MOVED if index in moved else BRUSHED):
             box = now.inside.get(index)
             if index != now.held:
                 steps.append(
@@ -230,8 +245,8 @@ def only_verb(clause: Clause, verb: str) -> Clause:
     at = [place for place in clause.places if place.name in _GOING and place.anchors]
     if at:  # "go there", "on the red one"
         return replace(clause, verb=verb, entity=at[-1].anchors[-1], places=())
-    if entity is not None and not robot and not clause.places:
-        return replace(clause, verb=verb)
+    if entity is not None and not robot and all(place.name == "here" for place in clause.places):
+        return replace(clause, verb=verb, places=())
     beside = [place for place in clause.places if place.anchors] if entity is None else []
     return replace(clause, verb=verb, entity=Entity(relations=tuple(beside)), places=()) if beside else clause
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from language import costs
 from language.errors import NotUnderstood
 from language.lattice import LIMITING, STRANGERS, Lattice
-from language.meanings import Clause, Entity, Gesture, Reading
+from language.meanings import Clause, Entity, Gesture, Reading, pointing_words
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner
@@ -21,14 +21,14 @@ from language.referents import color_fits
 from language.scanning import Token
 from language.sentences import readings
 from language.several import GRIPS_ONE
-from language.steps import Draft, reached
+from language.steps import Draft, allows, reached
 from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
 from language.world import WorldModel
 
 _NEARBY = ("near", "left", "right", "front", "behind", "under", "opposite", "away")  # relations that always matter
 PERSONS = ("me", "us", "myself", "him", "her", "lady", "them", "someone")
-_TELLING = ("nothing", "impossible", "dialogue")  # failures that are reported in preference to another reading
+_TELLING = ("nothing", "impossible", "already", "which")  # failures that are reported in preference to another reading
 
 
 class Choice(NamedTuple):
@@ -113,8 +113,9 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
-    if not world.cells and any(c.plan.reason == "never" and c.cost < top.cost for c in found.failed):
-        return refused(sentence, found._replace(failed=[c for c in found.failed if c.plan.reason == "never"]), world)
+    settled_by = [c for c in found.failed if c.plan.reason == "never" or _is_so(c)]  # whatever else might be meant
+    if not world.cells and any(c.cost < top.cost for c in settled_by):
+        return refused(sentence, found._replace(failed=settled_by), world)
     impossible = [c for c in found.failed if c.plan.reason == "impossible" and not c.reading.unused]
     measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
     if not world.cells and any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
@@ -149,6 +150,11 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
         return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
     return understood(sentence, top, found.lattice, world, following)
+
+
+def _is_so(choice: Choice) -> bool:
+    """Whether what a whole sentence asks for is so already."""
+    return choice.plan.reason == "already" and not choice.reading.unused
 
 
 def _changes_roles(close: list[Choice], planner: Planner) -> bool:
@@ -369,8 +375,8 @@ def _reason(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> 
                 sentence, 0.0, unused, span, "nothing", f"'{part}': the gesture shows {shown}", offers(world, words)
             )
         return Refusal(sentence, 0.0, unused, span, "nothing", _missing(plan, part, lattice), offers(world, words))
-    if plan.reason == "dialogue":
-        return Refusal(sentence, 0.0, unused, span, "dialogue", f"{part!r}: {plan.failure}", offers(world, words))
+    if plan.reason == "which":
+        return _which_one(sentence, top, part, span, world)
     text = plan.failure
     about = [i for i in plan.candidates if i < len(world.things)]
     if about and not any(word in text for word in words):
@@ -389,7 +395,7 @@ def _rank(choice: Choice) -> float:
         unturnable
         + mixed
         + _telling_cost(choice)
-        + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "dialogue": 0.6}.get(choice.plan.reason, 0.0)
+        + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "which": 0.6}.get(choice.plan.reason, 0.0)
     )
 
 
@@ -446,6 +452,9 @@ def _what(
     plan = top.plan
     things = plan.it if plan.topic is not None else ()
     said_now = offers(world, words)
+    if (word := _unshown(top.reading, words)) is not None:
+        text = f"What do you mean by {word!r}, and what shall I do? Name a thing, or point at one"
+        return Question(sentence, 0.0, unused, span, text)
     if things and plan.topic is not None:
         text = (
             f"What shall I do with {name(world, things[0])}? For example: "
@@ -454,6 +463,27 @@ def _what(
         return Question(sentence, 0.0, unused, span, text, tuple(things), reading=None)
     text = f"I do not see what I shall do about '{' '.join(words[:8])}'"
     return Refusal(sentence, 0.0, unused, span, "syntax", text, said_now)
+
+
+def _unshown(reading: Reading, words: list[str]) -> str | None:
+    """Return a word such as "this" or "there" to which nothing was said or shown; None if there is none."""
+    entity = reading.steps[-1].entity
+    if entity is None:
+        return None
+    here = [each.span for each in entity.relations if each.name == "here" and not each.anchors]
+    spans = here + [(at, at + 1) for at in pointing_words(reading)] + [entity.span] * (entity.kind == "it")
+    return " ".join(words[slice(*spans[0])]) if spans else None
+
+
+def _which_one(sentence: str, top: Choice, part: str, span: tuple[int, int], world: WorldModel) -> Question:
+    """Return the question which thing a word such as "this" means, to which nothing was said or shown."""
+    *before, last = top.reading.steps
+    named = last.entity is not None and last.entity.kind == "it"
+    reading = replace(top.reading, steps=(*before, replace(last, entity=Entity())))
+    fit = tuple(i for i, thing in enumerate(world.things) if not thing.target and allows(world, last.act, i))
+    word = f" by {part!r}" if named else ""
+    text = f"Which thing do you mean{word}? Name it, or point at it"
+    return Question(sentence, 0.0, (), span, text, fit, reading=reading)
 
 
 def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> tuple[Plan, ...]:

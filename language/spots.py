@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from language import costs
@@ -9,6 +11,8 @@ from language.meanings import RelationPhrase
 from language.world import FLAT, WorldModel
 
 NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
+BRUSHED = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
+Rest = tuple[float, float, int | None]  # x and y where a thing stood, and what it stood on or was in
 
 
 class Spot(NamedTuple):
@@ -107,3 +111,33 @@ def a_name(world: WorldModel, index: int) -> str:
     if index == world.hand:
         return "your hand"
     return f"the {'transparent ' * thing.target}{thing.color} {thing.kind}"
+
+
+def enclosed(world: WorldModel, box: int, cost: float) -> Spot:
+    """Return the place in a container or on the open hand."""
+    thing = world.things[box]
+    why = next((f"{a_name(world, box)} is full: {a_name(world, i)} is in it" for i in world.contents(box)), "")
+    return Spot(thing.x, thing.y, thing.top if box == world.hand else thing.bottom, box, cost, why)
+
+
+def is_elsewhere(now: WorldModel, then: WorldModel, index: int, least: float = BRUSHED) -> bool:
+    """Return whether a thing is at another place than then. least: share of the distance between neighbours."""
+    old, new, box = then.things[index], now.things[index], now.inside.get(index)
+    if box is not None or index in then.inside:
+        return box != then.inside.get(index)
+    return math.dist((old.x, old.y, old.bottom), (new.x, new.y, new.bottom)) > least * now.pitch
+
+
+def left_place(then: WorldModel, now: WorldModel, index: int) -> Rest | None:
+    """Return where a thing stood then, if it was not held and is elsewhere or held now."""
+    if then.held == index or not (now.held == index or is_elsewhere(now, then, index)):
+        return None
+    return then.things[index].x, then.things[index].y, then.inside.get(index, then.below[index])
+
+
+def old_place(then: WorldModel, now: WorldModel, index: int, rests: Mapping[int, Rest]) -> Rest:
+    """Return where a thing was before: then, if it has moved since; else before it was moved last; else its home."""
+    if then.held != index and is_elsewhere(now, then, index) and (left := left_place(then, now, index)) is not None:
+        return left
+    thing = now.things[index]
+    return rests.get(index) or (*now.home.get(index, (thing.x, thing.y)), None)

@@ -14,7 +14,7 @@ from language.objects import HAND
 from language.outcomes import Step
 from language.places import ONTO, _anywhere, _Wish, free_spot, spots
 from language.referents import Resolver
-from language.spots import Point, Spot, a_name, settle
+from language.spots import Point, Rest, Spot, a_name, old_place, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
 from language.world import AT_END, FIXED, WorldModel
 
@@ -60,7 +60,7 @@ class Steps:
     """Add steps to plans in one world.
 
     it, mentioned: the things of the dialogue. others: what "the other one" means there. recent: all, the last first.
-    boxes: the container spoken of last, which is no other one.
+    boxes: the container spoken of last, which is no other one. rests: where things stood before they were moved last.
     help: whether the scene helps to select. gestures: those of the sentence. box: the container spoken of last.
     effort: phrases weighed and steps tried so far.
     """
@@ -75,6 +75,7 @@ class Steps:
     others: tuple[int, ...] = ()
     recent: tuple[int, ...] = ()
     boxes: tuple[int, ...] = ()
+    rests: dict[int, Rest] = field(default_factory=dict)
     _resolvers: dict[tuple, Resolver] = field(default_factory=dict)
     _usable: dict[tuple, Any] = field(default_factory=dict)
     _sequences: dict[tuple, list[Draft]] = field(default_factory=dict)
@@ -258,7 +259,7 @@ class Steps:
     def _emptied(self, plan: Draft, index: int) -> Draft:
         inside = plan.world.contents(index)
         if not inside:
-            return replace(plan, failure=f"{a_name(plan.world, index)} is empty already", reason="impossible")
+            return replace(plan, failure=f"{a_name(plan.world, index)} is empty already", reason="already")
         for thing in inside:
             found = list(self._handled(replace(plan, mover=thing), Clause(CARRY, places=ON_TABLE), thing))
             plan = found[0]
@@ -282,7 +283,7 @@ class Steps:
             return plan if once in plan.notes else replace(plan, notes=(*plan.notes, once))
         if pressed and abs(world.moved.get(index, 0.0)) > AT_END:
             return replace(
-                plan, failure=(f"{a_name(world, index)} is down already"), reason="impossible", entity=plan.entity
+                plan, failure=f"{a_name(world, index)} is down already", reason="already", entity=plan.entity
             )
         return self._added(self._ready(plan), Step(verb, index))
 
@@ -411,6 +412,7 @@ class Steps:
     def _placed(self, plan: Draft, clause: Clause, index: int, places: tuple[RelationPhrase, ...]) -> Iterator[Draft]:
         taken = plan.world if plan.world.held == index else self._taken(plan, index).world
         resolver = self.resolver(taken, plan.it, index, plan.mentioned, plan.box)
+        resolver.rest = old_place(self.world, plan.world, index, self.rests)
         if any(anchor.any for place in places for anchor in place.anchors):
             plan = replace(plan, arbitrary=True)
         typed = clause.entity is not None and clause.entity.noun is not None
@@ -448,39 +450,39 @@ class Steps:
 
     def _put(self, plan: Draft, clause: Clause, index: int, spot: Spot) -> Draft:
         """Return the plan with a thing taken, unless it is held, and put at a spot."""
-        if spot.on is not None and plan.world.inside.get(index) == spot.on:
-            note = f"{a_name(plan.world, index)} is in {a_name(plan.world, spot.on)} already"
-            idle = all(step.implied for step in plan.steps)
+        moved = [done.object for done in plan.steps if done.carries and not done.implied]
+        back, on = any(place.name == "home" for place in clause.places), spot.on
+        stays = back and index not in (*moved, plan.world.held) and self._same_place(index, spot)
+        if stays or (on is not None and plan.world.inside.get(index) == on):
+            where = "where it was" if stays or on is None else f"in {a_name(plan.world, on)}"
+            note = f"{a_name(plan.world, index)} is {where} already"
+            idle = not stays and all(step.implied for step in plan.steps)
             return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.NO_CHANGE * idle)
         if spot.why_not:
             return replace(plan, failure=spot.why_not, reason="impossible", cost=plan.cost + spot.cost)
-        cost = spot.cost
-        moved = [done.object for done in plan.steps if done.carries and not done.implied]
-        returns = index in moved and any(place.name == "home" for place in clause.places)
-        if self._same_place(index, spot) and not returns:
-            cost += costs.NO_CHANGE
+        returns = index in moved and back
+        cost = spot.cost + costs.NO_CHANGE * (self._same_place(index, spot) and not returns)
         cost += costs.MOVED_TWICE * (index in moved and not returns)
         cost += costs.ANOTHER_OBJECT * any(other != index for other in moved)
         if index == self.world.held and plan.world.cells:
             thing = self.world.things[index]
             away = max(abs(thing.x - spot.x), abs(thing.y - spot.y)) > 0.5 * self.world.pitch
             cost += costs.NOT_BELOW * away
-        goal = spot.on
-        if goal is not None and goal in plan.world.containers and goal not in plan.world.open:
-            plan = self._opened_first(plan, goal)
+        if on is not None and on in plan.world.containers and on not in plan.world.open:
+            plan = self._opened_first(plan, on)
         if plan.world.held != index:
             plan = self._taken(plan, index)
-        verb = self._verb(plan.world, clause, goal)
+        verb = self._verb(plan.world, clause, on)
         marked = spot.anchor is not None and plan.world.things[spot.anchor].target
-        step = Step(verb, index, spot.anchor if goal is None and marked else goal, (spot.x, spot.y), spot.bottom)
+        step = Step(verb, index, spot.anchor if on is None and marked else on, (spot.x, spot.y), spot.bottom)
         notes = (*plan.notes, spot.note) if spot.note else plan.notes
-        box = goal if goal in plan.world.containers else plan.box
+        box = on if on in plan.world.containers else plan.box
         return replace(
             self._added(plan, step),
             cost=plan.cost + cost,
             notes=notes,
             box=box,
-            anchor=spot.anchor if goal is None else goal,
+            anchor=spot.anchor if on is None else on,
         )
 
     def _verb(self, world: WorldModel, clause: Clause, goal: int | None) -> str:
@@ -591,7 +593,7 @@ def reached(plan: Draft) -> tuple:
 def finished(plan: Draft) -> Draft:
     """Return the plan, or why it is none: a phrase still waits for its verb."""
     if not plan.failure and not plan.steps and plan.notes:
-        return replace(plan, failure=plan.notes[0], reason="impossible")
+        return replace(plan, failure=plan.notes[0], reason="already")
     if not plan.failure and plan.topic is not None:
         plan = replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
     return plan

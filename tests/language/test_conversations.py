@@ -142,3 +142,50 @@ def test_undo_turns_a_lever_back_and_says_that_a_button_stays_down():
 def test_a_word_that_is_left_out_after_a_preposition_is_no_reason_to_act():
     world = room(held=YELLOW)
     assert isinstance(outcome_of("put it on the cyan one / and red on top of that", world), Refusal | Question)
+
+
+# ---- What is asked since, what is pointed at, and where things were
+
+
+def test_a_correction_after_a_question_takes_up_nothing_older():
+    turns = "put the red cube in the drawer / close it / take the cube / no wait, the yellow one"
+    assert steps(turns) == [("lift", "yellow")]
+
+
+@pytest.mark.parametrize("said", ["that one", "this one", "this", "that one please", "yes, that one", "take this"])
+def test_what_nobody_points_at_is_asked_about(said):
+    assert isinstance(outcome_of(said), Question)
+    assert isinstance(outcome_of(f"open it / {said}"), Question)
+
+
+def test_the_answer_to_which_thing_is_meant_completes_the_sentence():
+    assert steps("take this / the red cube") == [("lift", "red")]
+    assert steps("put it in the drawer / the yellow one")[-1] == ("put_in", "yellow")
+
+
+@pytest.mark.parametrize(
+    ("turns", "goal"),
+    [
+        ("put the red cube on the blue one / take it off / put it back on", "blue"),
+        ("put the red cube on the blue one / take it off and put it on the table / now back on again", "blue"),
+        ("open the drawer / put the cyan cube in it / take it out / put it back", "drawer"),
+    ],
+)
+def test_a_thing_goes_back_to_where_it_was_last(turns, goal):
+    assert NAMES[outcome_of(turns).steps[-1].goal] == goal
+
+
+def test_back_where_it_was_is_the_place_before_the_last_move():
+    outcome = outcome_of("put the red cube in the fridge and close it / put it back where it was")
+    assert outcome.steps[-1].place == OBJECTS[RED].position[:2]
+
+
+def test_what_has_not_moved_is_where_it_was():
+    outcome = outcome_of("put the red cube back where it was")
+    assert isinstance(outcome, Refusal)
+    assert outcome.reason == "already"
+
+
+def test_a_small_move_is_undone():
+    outcome = outcome_of("move the red cube a tiny bit to the left / undo")
+    assert outcome.steps[-1].place == OBJECTS[RED].position[:2]
