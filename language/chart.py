@@ -225,6 +225,8 @@ class Chart:
         self.lattice, self._judge = lattice, judge
         self._entities: dict[int, list[Item]] = {}
         self._relations: dict[int, list[Item]] = {}
+        self._regions: dict[int, list[Item]] = {}
+        self._ungapped: dict[int, list[Item]] = {}
         self._noun_phrases = NounPhrases(lattice)
 
     def entities(self, start: int) -> list[Item]:
@@ -270,17 +272,18 @@ class Chart:
             return []
         if any(anchor.kind == "side" for each in item.value.relations[-1:] for anchor in each.anchors):
             return []  # "in the left corner"
-        cost = costs.REGION_WITHOUT_PREPOSITION
-        return [
-            Item(
-                found.end,
-                RelationPhrase("at", (found.value,), span=(item.end, found.end)),
-                found.cost + cost,
-                found.skipped,
-            )
-            for found in self.entities(item.end)
-            if found.value.kind in _AREAS and not found.skipped
-        ]
+        if item.end not in self._regions:
+            self._regions[item.end] = [
+                Item(
+                    found.end,
+                    RelationPhrase("at", (found.value,), span=(item.end, found.end)),
+                    found.cost + costs.REGION_WITHOUT_PREPOSITION,
+                    found.skipped,
+                )
+                for found in self.entities(item.end)
+                if found.value.kind in _AREAS and not found.skipped
+            ]
+        return self._regions[item.end]
 
     def _judged(self, item: Item) -> Item:
         if self._judge is None:
@@ -303,11 +306,18 @@ class Chart:
             self._relations[start] = []
             found: list[Item] = []
             for gap in self.lattice.gaps(start):
-                plain = self._plain(gap.end)
-                for item in [*plain, *self._measured(gap.end), *(more for each in plain for more in self._by(each))]:
+                for item in self._without_gap(gap.end):
                     found.append(Item(item.end, item.value, item.cost + gap.cost, item.skipped | gap.skipped))
             self._relations[start] = self._best_relations(found)
         return self._relations[start]
+
+    def _without_gap(self, start: int) -> list[Item]:
+        """Return all relations that begin at a token; those after different gaps share them."""
+        if start not in self._ungapped:
+            plain = self._plain(start)
+            further = [more for each in plain for more in self._by(each)]
+            self._ungapped[start] = [*plain, *self._measured(start), *further]
+        return self._ungapped[start]
 
     def _best_relations(self, items: list[Item]) -> list[Item]:
         spans: dict[tuple, list[Item]] = {}

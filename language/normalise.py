@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from core.safe_files import read_yaml
 from language.errors import NotUnderstood
@@ -139,22 +140,30 @@ def plain_start(text: str) -> str:
     return " ".join(token.text for token in _trimmed(_unframed(scan(text))))
 
 
-Rule = tuple[re.Pattern[str], str]
+class Rule(NamedTuple):
+    """A pattern and its replacement. anchor: a pattern of the places where it is tried; "": anywhere."""
+
+    pattern: re.Pattern[str]
+    replacement: str
+    anchor: str
 
 
 def rewritten(found: list[Token], rules: tuple[Rule, ...]) -> list[Token]:
     """Return the words after some rules. New words stand for all words that the pattern matched."""
-    text = " ".join(token.text for token in found)
-    for pattern, replacement in rules:
+    text, places = " ".join(token.text for token in found), {}
+    for pattern, replacement, anchor in rules:
         for _ in range(REWRITES):
-            match = pattern.search(text)
+            if anchor and anchor not in places:
+                places[anchor] = [place.start() for place in re.finditer(anchor, text)]
+            tried = (pattern.match(text, at) for at in places[anchor]) if anchor else [pattern.search(text)]
+            match = next(filter(None, tried), None)
             if match is None:
                 break
             after = _replaced(found, match, replacement)
             if after == found:
                 break
             found = after
-            text = " ".join(token.text for token in found)
+            text, places = " ".join(token.text for token in found), {}
     return found
 
 
@@ -244,17 +253,21 @@ def wordings() -> dict[str, tuple[Rule, ...]]:
     swapped = (line.split(" ==> ", 1) for line in table["questions"].splitlines())
     asking = "\n".join(f"{pattern} ==> {kind}" for kind, pattern in swapped)
     names = ("repairs", "misheard", "plain")
-    return {"frames": _rules(frames), "questions": _rules(asking), **{name: _rules(table[name]) for name in names}}
+    rules = {"frames": frames, **{name: table[name] for name in names}}
+    found = {name: _rules(lines, ("^", parts["START"])) for name, lines in rules.items()}
+    return {**found, "questions": _rules(asking, ())}
 
 
 def questions() -> tuple[tuple[str, re.Pattern[str]], ...]:
     """Return the kinds of answers, each with the pattern of the questions that it answers."""
-    return tuple((kind.strip(), pattern) for pattern, kind in wordings()["questions"])
+    return tuple((kind.strip(), pattern) for pattern, kind, _ in wordings()["questions"])
 
 
-def _rules(lines: str) -> tuple[Rule, ...]:
+def _rules(lines: str, anchors: tuple[str, ...]) -> tuple[Rule, ...]:
+    """Return the rules of some lines. One whose pattern begins with an anchor is tried where that matches alone."""
     found = []
     for line in lines.splitlines():
         pattern, _, replacement = re.sub(r"(?<![a-z])the ", "", line).partition(" ==>")
-        found.append((re.compile(pattern), replacement))
+        anchor = next((each for each in anchors if pattern.startswith(each)), "")
+        found.append(Rule(re.compile(pattern.removeprefix(anchor)), replacement, anchor))
     return tuple(found)

@@ -23,12 +23,11 @@ from language.world import FIXED, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
 
-ASIDE, TIGHT = 1.3, 1.1  # widths between middles: room for fingers, and just room
+SHARES = {False: (1.3, 1.1), True: (1.3, 1.0)}  # widths between middles: room for fingers, and just room; on a board
 CLEAR = 1.02  # widths along an axis between cubes that stand askew beside each other without a touch
 GRID = 0.01  # metres between the spots of a table that are tried
 NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
 SPOT = 8  # points that are compared for the effort of looking for one free spot
-AT_MARK = 0.012  # metres from a mark up to which a spot is at it
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
 _APART = ("toward", "away", "farthest", *_SIDEWAYS)
 ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
@@ -113,9 +112,7 @@ def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]
     things, refs = resolver.world.things, resolver.resolve(entity)
     if entity.kind == "thing" and entity.noun is None and mover is not None:
         kind = things[mover].kind
-        refs = [
-            ref._replace(cost=ref.cost + costs.ANOTHER_KIND * (things[ref.things[-1]].kind != kind)) for ref in refs
-        ]
+        return [r._replace(cost=r.cost + costs.ANOTHER_KIND * (things[r.things[-1]].kind != kind)) for r in refs]
     return refs
 
 
@@ -294,8 +291,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     xs = [wish.x for wish in wishes if wish.x is not None] or [thing.x]
     ys = [wish.y for wish in wishes if wish.y is not None] or [thing.y]
     nx, ny = sum(xs) / len(xs), sum(ys) / len(ys)
-    grid = _grid(world.bounds, 1.0 if world.cells else GRID)
-    gx, gy = grid
+    gx, gy = _grid(world.bounds, world.cells)
     if not world.cells:  # the very place
         gx, gy = np.append(gx, min(max(nx, x0), x1)), np.append(gy, min(max(ny, y0), y1))
     fits = np.ones(len(gx), bool)
@@ -304,40 +300,49 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     what = next((wish.what for wish in wishes if wish.what), "there")
     if not fits.any():
         return Spot(nx, ny, world.ground, None, cost, f"{what} is outside what the arm reaches")
-    taken = [
-        i for i in world._standing.get(None, ()) if i != mover and (world.is_loose(i) or world.covers(*_xy(world, i)))
-    ]
-    places = np.array([_xy(world, i) for i in taken]).reshape(-1, 2)
-    widths = np.array([max(thing.width, world.things[i].width) for i in taken])
-    dx, dy = np.abs(gx[:, None] - places[:, 0]), np.abs(gy[:, None] - places[:, 1])
-    clear = (np.maximum(dx, dy) >= (1.0 if world.cells else CLEAR) * widths - 1e-9).all(axis=1)
-    for share in (ASIDE, 1.0) if world.cells else (ASIDE, TIGHT):
-        free = fits & clear & (np.hypot(dx, dy) >= share * widths - 1e-9).all(axis=1)
+    others = [i for i in world._standing.get(None, ()) if i != mover]
+    taken = [i for i in others if world.is_loose(i) or world.covers(*world.things[i][2:4])]
+    boxes = tuple((*world.things[i][2:4], max(thing.width, world.things[i].width)) for i in taken)
+    masks = _free_grid(world.bounds, world.cells, boxes)
+    if not world.cells:
+        masks = tuple(np.append(a, b) for a, b in zip(masks, _free(gx[-1:], gy[-1:], False, boxes), strict=True))
+    for share, mask in zip(SHARES[world.cells], masks, strict=True):
+        free = fits & mask
         if free.any():
             away = np.where(free, np.hypot(gx - nx, gy - ny), np.inf)
             at = int(away.argmin())
-            near = min(taken, key=lambda i: math.dist((nx, ny), _xy(world, i)), default=None)
-            blocked = near is not None and math.dist((nx, ny), _xy(world, near)) < share * thing.width
+            near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]), default=None)
+            blocked = near is not None and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
             x, y, said = float(gx[at]), float(gy[at]), max((wish.length for wish in wishes), default=0.0)
             moved = math.dist((x, y), (thing.x, thing.y)) if said and not world.cells else said
             note = elsewhere(world, near if blocked else None, moved, said) if away[at] > GRID else ""
             return Spot(x, y, world.ground, None, cost, "", note)
-    near = min(taken, key=lambda i: math.dist((nx, ny), _xy(world, i)))
-    return Spot(
-        nx, ny, world.ground, None, cost, f"{a_name(world, near)} stands there: there is no free spot near enough"
-    )
+    near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]))
+    why = f"{a_name(world, near)} stands there: there is no free spot near enough"
+    return Spot(nx, ny, world.ground, None, cost, why)
 
 
 @lru_cache(maxsize=8)
-def _grid(bounds: tuple[float, float, float, float], step: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _grid(bounds: tuple[float, float, float, float], cells: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the x and y of the spots that are tried: those of a table, or the cells of a board."""
-    x0, x1, y0, y1 = bounds
+    (x0, x1, y0, y1), step = bounds, 1.0 if cells else GRID
     gx, gy = np.meshgrid(np.arange(x0, x1 + 1e-6, step), np.arange(y0, y1 + 1e-6, step), indexing="ij")
     return gx.ravel(), gy.ravel()
 
 
-def _xy(world: WorldModel, index: int) -> tuple[float, float]:
-    return world.things[index].x, world.things[index].y
+@lru_cache(maxsize=64)
+def _free_grid(bounds: tuple[float, ...], cells: bool, boxes: tuple[tuple[float, ...], ...]) -> tuple[NDArray, ...]:
+    """Return `_free` of the grid; the places of a sentence's plans differ in few things."""
+    return _free(*_grid(bounds, cells), cells, boxes)
+
+
+def _free(gx: NDArray, gy: NDArray, cells: bool, boxes: tuple[tuple[float, ...], ...]) -> tuple[NDArray, ...]:
+    """Return for each of SHARES which points are that far from all boxes: x, y and width of each."""
+    x, y, widths = np.array(boxes).reshape(-1, 3).T
+    dx, dy = np.abs(gx[:, None] - x), np.abs(gy[:, None] - y)
+    clear = (np.maximum(dx, dy) >= (1.0 if cells else CLEAR) * widths - 1e-9).all(axis=1)
+    away = np.hypot(dx, dy)
+    return tuple(clear & (away >= share * widths - 1e-9).all(axis=1) for share in SHARES[cells])
 
 
 def _anywhere(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -573,10 +578,7 @@ def _side_wish(world: WorldModel, sides: list[str], edge: bool, absolute: bool =
         low, high, middle = (x0, x1, (x0 + x1) / 2) if dx else (y0, y1, (y0 + y1) / 2)
         sign = dx + dy
         end = high if sign > 0 else low
-        nominal, limit = (
-            middle + (1.0 if edge else 0.75) * (end - middle),
-            middle + (0.6 if edge else 0.33) * (end - middle),
-        )
+        nominal, limit = (middle + share * (end - middle) for share in ((1.0, 0.6) if edge else (0.75, 0.33)))
         x, y = (nominal, y) if dx else (x, nominal)
         tests.append(_beyond(limit, sign, bool(dx)))
     name = f"the {' '.join(sides)} {'edge' if edge and len(sides) < 2 else 'corner' if len(sides) > 1 else 'side'}"

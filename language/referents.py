@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 from language import costs
@@ -16,6 +17,7 @@ from language.spots import Rest
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
+_fields = attrgetter(*(name for name in Entity.__slots__ if name != "span"))  # phrases that share these mean the same
 TIE = 0.1  # pitches: distances and coordinates this close are equal
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
 AREAS = ("corner", "edge", "side", "center", "board", "robot", "person")
@@ -243,10 +245,12 @@ def relation_cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchors
     if relation.name == "here":
         away = min((distance(ref.x, ref.y, shown) for shown in anchors[0].refs), default=math.inf)
         return 0.0 if away < 0.5 * world.pitch else None
-    near = anchors[0].candidates(world, ref, relation.name)
-    found = (_cost(world, ref, relation, anchor) for anchor in near)
-    pairs = [cost + anchor.cost for anchor, cost in zip(near, found, strict=True) if cost is not None]
-    return min(pairs, default=None)
+    least = math.inf
+    for anchor in anchors[0].candidates(world, ref, relation.name):
+        if anchor.cost < least:  # no relation costs less than nothing
+            cost = _cost(world, ref, relation, anchor)
+            least = least if cost is None else min(least, cost + anchor.cost)
+    return None if least == math.inf else least
 
 
 class Anchors:
@@ -370,7 +374,7 @@ def _between(world: WorldModel, ref: Ref, anchors: Sequence[Anchors]) -> float |
 
 
 class Resolver:
-    """Resolves the phrases of a sentence in one world; every phrase once.
+    """Resolves the phrases of a sentence in one world; every phrase once, wherever it stands.
 
     it: the things that "it" and "them" mean. mentioned: the things that "other" excludes.
     origin: the thing whose neighbour "the nearest" is; None: the robot's. first: the world before the sentence.
@@ -390,9 +394,9 @@ class Resolver:
         self.others: tuple[int, ...] = ()  # what "the other one" means
         self.rest: Rest | None = None  # where the thing that moves was before
         self.aloft = False  # whether the thing that moves was not on the table
-        self._known: dict[tuple[Entity, int], list[Ref]] = {}
+        self._known: dict[tuple, list[Ref]] = {}
         self._heads: dict[tuple, list[Ref]] = {}
-        self._anchors: dict[Entity, Anchors] = {}
+        self._anchors: dict[tuple, Anchors] = {}
         self.spots: dict[tuple, list] = {}  # of `places.spots`
         self.points: dict[tuple, list] = {}  # of one anchor
         self.weighed = 0  # points that were compared with a further relation
@@ -410,7 +414,7 @@ class Resolver:
 
     def resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None = None) -> list[Ref]:
         """Return the referents of a phrase, the best first. usable: among which superlatives select, where one is."""
-        key = (entity, usable is not None)
+        key = (_fields(entity), usable is not None)
         if key not in self._known:
             self._known[key] = sorted(self._resolve(entity, usable), key=lambda ref: ref.cost)
         return self._known[key]
@@ -437,9 +441,10 @@ class Resolver:
 
     def anchors(self, entity: Entity) -> Anchors:
         """Return the referents of a phrase as the anchors of a relation."""
-        if entity not in self._anchors:
-            self._anchors[entity] = Anchors(self.resolve(entity))
-        return self._anchors[entity]
+        key = _fields(entity)
+        if key not in self._anchors:
+            self._anchors[key] = Anchors(self.resolve(entity))
+        return self._anchors[key]
 
     def _filtered(self, entity: Entity, relations: tuple[RelationPhrase, ...]) -> list[Ref]:
         """Return the referents of the phrase with the relations that do not select; phrases share their beginnings."""

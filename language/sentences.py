@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 from language import costs
 from language.chart import Chart, Judge
@@ -18,17 +19,8 @@ MOST_JOINED = 16  # of the places, and of the relations after each, that are joi
 MOST_CLAUSES = 8
 MOST_COST = 16.0  # readings that cost more leave out most of the sentence
 KEPT_CLAUSES, KEPT_READINGS = 16, 80  # of the same span; of the sentence
-PLACED = (
-    Act.CARRY,
-    Act.LOWER,
-    Act.GIVE,
-    Act.REMOVE,
-    Act.TAKE,
-    Act.HOLD,
-    Act.STORE,
-    Act.OPERATE,
-    Act.UNSTACK,
-)  # with a place
+_BROUGHT = (Act.CARRY, Act.LOWER, Act.GIVE, Act.REMOVE, Act.STORE)
+PLACED = (*_BROUGHT, Act.TAKE, Act.HOLD, Act.OPERATE, Act.UNSTACK)  # with a place
 BARE = (Act.OPEN, Act.SHUT, Act.OPERATE, Act.GIVE, Act.TAKE, Act.UNSTACK, Act.TIDY, Act.EMPTY)  # without an object
 
 
@@ -70,6 +62,15 @@ def _with_gestures(found: list[Reading], made: Sequence[Gesture], judge: Judge |
         cost += sum(judge(phrase) for phrase in phrases if phrase is not None) if judge else 0.0
         changed.append(replace(shown, cost=cost))
     return sorted(changed, key=lambda reading: reading.cost)
+
+
+class _Joined(NamedTuple):
+    """A sequence of clauses and a further one, before they are joined: few of those that are weighed ever are."""
+
+    end: int
+    item: Item
+    cost: float
+    clause: Item
 
 
 class _Sentences:
@@ -149,14 +150,17 @@ class _Sentences:
         found = layer
         for _ in range(MOST_CLAUSES - 1):
             longer = []
+            joins = {end: self._joins(end) for end in dict.fromkeys(item.end for item in layer)}
             for item in layer:
-                for at, cost in self._joins(item.end):
+                for at, cost in joins[item.end]:
                     for clause in self.clauses(at):
                         total = item.cost + cost + clause.cost + self._elliptic(item.value[-1], clause.value)
                         if total <= MOST_COST:
-                            skipped = item.skipped | clause.skipped
-                            longer.append(Item(clause.end, (*item.value, clause.value), total, skipped))
-            layer = _cheapest(longer, KEPT_CLAUSES)
+                            longer.append(_Joined(clause.end, item, total, clause))
+            layer = [
+                Item(end, (*item.value, clause.value), total, item.skipped | clause.skipped)
+                for end, item, total, clause in _cheapest(longer, KEPT_CLAUSES)
+            ]
             found = found + layer
             if not layer:
                 break
@@ -164,11 +168,13 @@ class _Sentences:
 
     def _elliptic(self, before: Clause, clause: Clause) -> float:
         """Return the cost of a thing with a place after a command: rather what goes there than another object."""
+        if not self.lattice.table or (before.verb is not None and clause.verb is not None):
+            return 0.0
         related = clause.verb is None and clause.entity is not None and bool(clause.entity.relations)
-        if before.verb is None and before.entity is not None and before.entity.relations and self.lattice.table:
+        if before.verb is None and before.entity is not None and before.entity.relations:
             own = clause.entity is not None and clause.entity.kind != "it"
             return costs.TOPIC_LEFT * own
-        return costs.NO_VERB_BUT_PLACE * (related and before.act is Act.CARRY and self.lattice.table)
+        return costs.NO_VERB_BUT_PLACE * (related and before.act is Act.CARRY)
 
     def _joins(self, end: int) -> list[tuple[int, float]]:
         """Return where a further clause may begin, with its cost."""
@@ -553,18 +559,8 @@ class _Sentences:
         return found
 
 
-_LIGHT = (
-    "do",
-    "doing",
-    "does",
-    "did",
-    "done",
-    "work",
-    "works",
-    "working",
-    "use",
-    "start",
-)  # only for a device that is named
+# only for a device that is named
+_LIGHT = ("do", "doing", "does", "did", "done", "work", "works", "working", "use", "start")
 _DEVICES = (*DEVICES, "device")
 _WITH_PARTICLE = ("take", "put", "push", "pull")  # what a particle alone may stand for: "in", "out", "up"
 CARRYING = next(name for name, verb in KNOWN.items() if verb.act is Act.CARRY and "put {" in " ".join(verb.templates))
@@ -585,9 +581,12 @@ def _says_where(relation: RelationPhrase) -> bool:
     return relation.name not in ("held", "bare", "not", "with", "of")
 
 
-def _cheapest(items: list[Item], kept: int) -> list[Item]:
+_Costed = TypeVar("_Costed", Item, _Joined)
+
+
+def _cheapest(items: list[_Costed], kept: int) -> list[_Costed]:
     """Return the cheapest items of each span."""
-    spans: dict[int, list[Item]] = {}
+    spans: dict[int, list[_Costed]] = {}
     for item in sorted(items, key=lambda item: item.cost):
         same = spans.setdefault(item.end, [])
         if len(same) < kept:

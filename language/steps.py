@@ -28,9 +28,9 @@ CARRY = bringing("goal")
 ON_TABLE = (RelationPhrase("on", (Entity("board"),)),)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, slots=True)
 class Draft:
-    """The steps so far, the world after them, and their cost.
+    """The steps so far, the world after them, and their cost. It is never changed after it was made.
 
     mover: the thing of the current clause. it: the things that "it" means next. box: the container spoken of last.
     failure, reason: why it cannot be carried out. entity: the phrase that this is about. topic: a phrase that waits for

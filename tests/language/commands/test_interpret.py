@@ -7,6 +7,7 @@ import pytest
 
 from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, board, interpret
 from language.lattice import vocabulary
+from language.normalise import normalised
 from tests.helpers.people_sentences import CASES, judged
 
 TABLE = Scene(
@@ -175,3 +176,15 @@ def test_what_is_brought_to_a_person_goes_to_the_hand_that_they_hold_out(sentenc
     assert place.bottom == pytest.approx(0.12)
     far = interpret("bring me the red cube", Scene(things[:1]))
     assert far.steps[-1].goal is None
+
+
+@pytest.mark.parametrize("before", ["", "press the button, ", "close it and then open it. "])
+def test_a_wording_is_made_plain_wherever_its_clause_begins(before):
+    for said, plain in (
+        ("the drawer and the fridge on each other", "drawer on fridge"),
+        ("make the drawer empty", "empty drawer"),
+        ("the red cube and the blue cube side by side", "put red cube next to blue cube"),
+        ("could you please close the drawer", "close drawer"),
+    ):
+        words = [token.text for token in normalised(before + said)]
+        assert " ".join(words[-len(plain.split()) :]) == plain
