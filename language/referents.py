@@ -20,7 +20,6 @@ from language.world import FIXED, FLAT, SIDES, WorldModel
 _fields = attrgetter(*(name for name in Entity.__slots__ if name != "span"))  # phrases that share these mean the same
 TIE = 0.1  # pitches: distances and coordinates this close are equal
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
-AREAS = ("corner", "edge", "side", "center", "board", "robot", "person")
 _SELECTING = ("nearest", "farthest", "near")
 _LOCATING = ("on", "over", "in", "at", "to", "of", "from")
 

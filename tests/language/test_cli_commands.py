@@ -99,7 +99,7 @@ def test_without_a_scene_only_the_words_are_parsed(capsys):
 
 
 def test_lines_are_answered_in_order_and_corrections_revise_the_last_understood(capsys, scene, monkeypatch):
-    lines = "lift the red cube\n\n  \nlift the nothing\nno, the blue one\r\nno, the green one\nreach the sphere"
+    lines = "lift the red cube\n\n  \nlift the pink cube\nno, the blue one\r\nno, the green one\nreach the sphere"
     monkeypatch.setattr("sys.stdin", io.StringIO(lines))
     assert main(["parse", "-", "--scene", scene]) == 2
     answers = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
