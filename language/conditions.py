@@ -137,11 +137,13 @@ class Conditions(Replies):
 
     def _conditional(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the outcome of a sentence with conditions; None of another one."""
+        if self.now.cells:  # no condition is compared with a board
+            return None
         trial, notes = self.copy(), []
         left: tuple[str, ...] = ()
         text = trial._without_lead(plain_start(sentence).replace(" 's ", " is "))
         for number in range(MOST):
-            found = None if self.now.cells else conditional(text)
+            found = conditional(text)
             if found is None and not number:
                 return None
             if found is None:
