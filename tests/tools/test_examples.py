@@ -4,11 +4,13 @@ import importlib.util
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import record
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "examples"
 
 
 def example(name):
@@ -41,3 +43,72 @@ def test_a_recording_is_imitated(kind, tmp_path, monkeypatch):
     folder = tmp_path / "demos-v0"
     record.main(["expert=true", "task=reach", "episodes=8", f"format={kind}", f"out={folder}"])
     assert example("imitation").main([str(folder), "--steps", "300", "--episodes", "20"]) > 0
+
+
+def notebook_cells():
+    """The code cells of the notebook, by their ids."""
+    content = json.loads((EXAMPLES / "first_policy.ipynb").read_text("utf-8"))
+    return {cell["id"]: cell for cell in content["cells"] if cell["cell_type"] == "code"}
+
+
+class Notebook:
+    """Runs cells in one namespace, as a kernel does.
+
+    names: what the cells define. axes: those of each figure that they show.
+    """
+
+    def __init__(self, monkeypatch):
+        import matplotlib.pyplot as plt
+
+        plt.switch_backend("agg")
+        monkeypatch.setattr(plt, "show", lambda: self.axes.extend(plt.gcf().axes) or plt.close())
+        self.cells = {name: "".join(cell["source"]) for name, cell in notebook_cells().items()}
+        self.names, self.axes = {"__name__": "notebook"}, []
+
+    def run(self, *ids):
+        for name in ids or self.cells:
+            exec(compile(self.cells[name], f"cell {name}", "exec"), self.names)
+            if name == "parameters":
+                assert {"FRAMES", "EPISODES"} <= set(self.names)
+                self.names |= {"FRAMES": 2048, "EPISODES": 20}
+
+
+@pytest.fixture
+def notebook(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))  # of the training, a process of its own
+    monkeypatch.chdir(tmp_path)
+    return Notebook(monkeypatch)
+
+
+def test_the_notebook_is_kept_without_outputs():
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in notebook_cells().values())
+
+
+@pytest.mark.slow
+def test_the_notebook_trains_evaluates_plots_and_films(notebook, capsys):
+    notebook.run()
+    names = notebook.names
+    assert "success_at_end" in capsys.readouterr().out.splitlines()[0]
+    assert [row["frames"] for row in names["metrics"]] == [2048]
+    assert {name: result.episodes for name, result in names["results"].items()} == dict.fromkeys(names["readers"], 20)
+    assert [axes.get_xlabel() for axes in notebook.axes] == ["frames", "success", "y, metres: to the robot's left"]
+    assert len(notebook.axes[1].patches) == len(names["bars"]) > 3
+    assert len(names["pictures"]) == len(names["paths"]) - 1 == len(list(names["film"].new_frame_seq()))
+
+
+@pytest.mark.slow
+def test_the_notebook_shows_that_a_trained_policy_follows_the_words(notebook):
+    notebook.run("imports", "parameters")
+    notebook.names["FOLDER"] = "nl_reach_kuka"
+    notebook.run("evaluate", "effect", "film")
+    names = notebook.names
+    success = {name: result.success_at_end for name, result in names["results"].items()}
+    assert success["its sentence"] >= 0.9
+    assert max(success["no words"], success["another sentence"]) <= 0.7
+    assert names["outcomes"] == ["success"] * 3
+    assert len(set(names["sentences"])) == 3
+    paths, places = np.array(names["paths"]), names["objects"][:, :3].numpy()
+    assert np.ptp(paths[0], axis=0).max() == 0  # equal beginnings
+    ends = np.linalg.norm(paths[:, :, None] - places, axis=-1).min(0)  # (3 worlds, 3 objects) least distances
+    assert sorted(ends.argmin(1)) == [0, 1, 2]
+    assert "<img" in names["film"]._repr_html_()
