@@ -31,13 +31,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.comparison import compare, comparison_table
 from benchmarks.store import ReproducedRow, RowBook
 from core.errors import ConfigError, RunError
 from core.program import program
 from core.system import cores, signal_at_parent_death, system_info
 
 ROWS = Path(__file__).with_name("rows.yaml")
-MARKED = re.compile(r"(<!-- rows: ([\w-]+) -->\n)(.*?)(<!-- end of rows -->)", re.DOTALL)
+MARKED = re.compile(r"(<!-- (rows|comparison): ([\w-]+) -->\n)(.*?)(<!-- end of rows -->)", re.DOTALL)
 # Started by every Python of a run. At its end it writes down the files of the project that it has loaded; files other
 # than modules are seen as they are opened. A run's commands are therefore exactly those that a user would give.
 TRACER = """
@@ -250,7 +251,34 @@ def summary(book: RowBook, older: Callable[[ReproducedRow], bool]) -> dict[str, 
             "runs": runs,
             "command": " && ".join(book.commands(measured, measured.seeds[0])),
         }
-    return {"rows": entries}
+    return {"rows": entries, "comparisons": comparisons(book, entries)}
+
+
+def comparisons(book: RowBook, entries: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return what `results.json` has of each compared matrix. entries: those of the rows."""
+    former = stored_summary(book).get("comparisons", {})
+    found = {}
+    for name in book.compared:
+        rows = [row for row in book.rows.values() if row.table == name]
+        values: dict[str, dict[str, list[float]]] = {}
+        for row in rows:
+            line, column = ends_of(row)
+            values.setdefault(column, {})[line] = [run["value"] for run in stored_runs(book, row)]
+        entry = compare(values, len(book.measured(rows[0]).seeds), former.get(name))
+        states = {entries[row.id]["state"] for row in rows if ends_of(row)[0] in entry["lines"]}
+        found[name] = entry | {"state": "older code" if "older code" in states else "measured"}
+    return found
+
+
+def ends_of(row: ReproducedRow) -> tuple[str, str]:
+    """Return the line and the column of a matrix's row."""
+    line, _, column = row.id.partition("/")[2].rpartition("-")
+    return line, column
+
+
+def stored_summary(book: RowBook) -> dict[str, Any]:
+    """Return what the last writing has left in `results.json`."""
+    return dict(json.loads(book.summary.read_text())) if book.summary.exists() else {"rows": {}}
 
 
 def stored_runs(book: RowBook, row: ReproducedRow) -> Iterator[dict[str, Any]]:
@@ -300,8 +328,13 @@ def cells(row: ReproducedRow, entry: dict[str, Any], short: bool) -> list[str]:
     return [label, ", ".join(values) + missing, bar, frames, taken, measured]
 
 
-def table(book: RowBook, name: str, found: dict[str, Any]) -> str:
-    """Return a generated table. Raises ConfigError for a name without rows."""
+def table(book: RowBook, kind: str, name: str, found: dict[str, Any]) -> str:
+    """Return a generated table. kind: rows or comparison. Raises ConfigError for a name without one."""
+    if kind == "comparison":
+        if name not in found["comparisons"]:
+            raise ConfigError(f"a page has the marker 'comparison: {name}', but compared has no such matrix")
+        entry = found["comparisons"][name]
+        return written(comparison_table(entry, " †" * (entry["state"] == "older code")))
     short = name == "readme"
     rows = [row for row in book.rows.values() if (row.readme if short else row.table == name)]
     if not rows:
@@ -313,13 +346,18 @@ def table(book: RowBook, name: str, found: dict[str, Any]) -> str:
         lines = [cells(row, found["rows"][row.id], short) for row in rows]
         used = [number for number, column in enumerate(zip(*lines, strict=True)) if any(column)]
         head, *lines = [[line[number] for number in used] for line in [head, *lines]]
-    written = [f"| {' | '.join(line)} |" for line in [head, *lines]]
-    return "\n".join([written[0], "|---" * len(head) + "|", *written[1:], ""]).replace("|  |", "| |")
+    return written([head, *lines])
+
+
+def written(lines: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table of lines of cells, head first."""
+    head, *body = [f"| {' | '.join(line)} |" for line in lines]
+    return "\n".join([head, "|---" * len(lines[0]) + "|", *body, ""]).replace("|  |", "| |")
 
 
 def matrix(rows: Sequence[ReproducedRow], found: dict[str, Any]) -> list[list[str]]:
     """Return the worst seeds as a matrix, head first: a column for each end of the ids. Not run: "-"."""
-    names = [(*row.id.partition("/")[2].rpartition("-")[::2], row) for row in rows]
+    names = [(*ends_of(row), row) for row in rows]
     columns = list(dict.fromkeys(column for _, column, _ in names))
     lines: dict[str, dict[str, str]] = {}
     for line, column, row in names:
@@ -341,14 +379,13 @@ def generated(book: RowBook, found: dict[str, Any]) -> dict[Path, str]:
     texts = {book.summary: json.dumps(found, indent=1) + "\n"}
     for page in book.pages:
         text = page.read_text("utf-8")
-        texts[page] = MARKED.sub(lambda match: match[1] + table(book, match[2], found) + match[4], text)
+        texts[page] = MARKED.sub(lambda match: match[1] + table(book, match[2], match[3], found) + match[5], text)
     return texts
 
 
 def check(book: RowBook) -> list[str]:
     """Return what differs from what the store generates, with the marks of the last `--write`, a sentence each."""
-    stored = json.loads(book.summary.read_text()) if book.summary.exists() else {"rows": {}}
-    older = {name for name, entry in stored["rows"].items() if entry["state"] == "older code"}
+    older = {name for name, entry in stored_summary(book)["rows"].items() if entry["state"] == "older code"}
     differing = []
     for path, wanted in generated(book, summary(book, lambda row: row.id in older)).items():
         text = path.read_text("utf-8") if path.exists() else ""

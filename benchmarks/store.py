@@ -126,6 +126,7 @@ class RowBook:
         root: the folder of the project, in which commands run.
         store: the folder of results.
         pages: that have generated tables. matrices: tables with a column for each end of their rows' ids.
+        compared: those of the matrices whose columns `benchmarks.comparison` compares.
         summary: the generated JSON file.
         kinds, rows: by name, in the file's order.
         older: by row, the figures of an earlier commit: values, and at will interval, frames, seconds.
@@ -136,18 +137,21 @@ class RowBook:
 
     def __init__(self, path: Path) -> None:
         content = _read(read_yaml, path)
-        expected = ("root", "pages", "matrices", "summary", "kinds", "rows")
+        expected = ("root", "pages", "matrices", "compared", "summary", "kinds", "rows")
         if not isinstance(content, dict) or set(content) != set(expected):
             raise ConfigError(f"{path} must have the keys {', '.join(expected)}")
         self.root = (path.parent / content["root"]).resolve()
         self.store = path.parent / "results"
         self.pages, self.summary = [self.root / page for page in content["pages"]], self.root / content["summary"]
         self.matrices: list[str] = content["matrices"]
+        self.compared: list[str] = content["compared"]
         self.kinds = {name: read(RowKind, kind, f"kinds.{name}") for name, kind in content["kinds"].items()}
         self.rows: dict[str, ReproducedRow] = {}
         for number, entry in enumerate(content["rows"], 1):
             for single in _expanded(entry, number):
                 self._add(read(ReproducedRow, single, f"rows.{single.get('id', number)}"), path)
+        for name in self.compared:
+            self._check_compared(name, path)
         older = self.store / "older.yaml"
         self.older: dict[str, dict[str, Any]] = _read(read_yaml, older) if older.exists() else {}
         for name in self.older:
@@ -165,6 +169,12 @@ class RowBook:
         if row.of is not None and row.of not in self.rows:
             raise ConfigError(f"rows.{row.id}.of={row.of} is not a row above it" + did_you_mean(row.of, self.rows))
         self.rows[row.id] = row
+
+    def _check_compared(self, name: str, path: Path) -> None:
+        """Raise ConfigError unless a table is a matrix, and all of its rows have as many seeds."""
+        counts = {len(self.measured(row).seeds) for row in self.rows.values() if row.table == name}
+        if name not in self.matrices or len(counts) != 1:
+            raise ConfigError(f"{path}: compared has {name}, which must be a matrix whose rows have as many seeds each")
 
     def measured(self, row: ReproducedRow) -> ReproducedRow:
         """Return the row whose runs have the figure."""

@@ -7,9 +7,8 @@ import os
 import subprocess
 import sys
 
-from benchmarks.cluster import ceiling, runs  # noqa: F401  they register the rows
+from benchmarks.cluster import ROWS, ceiling, measure, runs  # noqa: F401  the modules register the rows
 from benchmarks.cluster.network import PORT, SETTINGS, Network, address
-from benchmarks.cluster.rows import ROWS, measure
 
 NODES = 4  # namespaces beside the head's
 INSIDE = "DEIXIS_BENCHMARK_INSIDE"  # set in the process that runs in the head's namespace

@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from benchmarks.cluster.rows import RowResult, row
+from benchmarks.cluster import RowResult, row
 from core.overrides import compose
 from envs.config import read_env
 from language import Tokenizer

@@ -18,8 +18,8 @@ from unittest.mock import patch
 
 from omegaconf import OmegaConf
 
+from benchmarks.cluster import RowResult, row
 from benchmarks.cluster.network import cut, kill_all, start_node
-from benchmarks.cluster.rows import RowResult, row
 from core.overrides import compose
 from envs.config import read_env
 from language import Tokenizer

@@ -2,12 +2,14 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from trainers.evaluation.evaluation import wilson
@@ -16,7 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 ROWS = """
 root: ..
 pages: [page.md]
-matrices: [grid]
+matrices: [grid, field]
+compared: [field]
 summary: results.json
 kinds:
   printed: {steps: ["python task.py {words} {seed}"], read: printed}
@@ -30,6 +33,8 @@ rows:
   - {id: plain/share, label: a share, of: plain/good, figure: right, total: tried}
   - {id: plain/slow, label: slow, kind: slow, seeds: [3]}
   - {id: "grid/{x}-{y}", kind: printed, words: "{x}", grid: {x: [0.1, 0.2], y: [left, right]}}
+  - {id: "field/{place}-{algo}", kind: printed, words: "{algo}", seeds: [0, 1],
+     grid: {place: [near, far], algo: [a, b]}}
 """
 TASK = """
 import json, pathlib, sys, time
@@ -44,6 +49,20 @@ else:
     print(json.dumps({"success_at_end": success, "ci95": [0.5, 1.0], "right": 30, "tried": 40}))
 """
 PAGE = "# Page\n<!-- rows: plain -->\n<!-- end of rows -->\ntext\n<!-- rows: grid -->\n<!-- end of rows -->\n"
+PAGE += "<!-- comparison: field -->\n<!-- end of rows -->\n"
+LIBRARY = """
+import numpy as np
+
+
+def aggregate_iqm(scores):
+    ordered = np.sort(scores, axis=None)
+    return ordered[len(ordered) // 4 : len(ordered) - len(ordered) // 4].mean()
+
+
+def get_interval_estimates(scores, func, reps):
+    values = {name: func(*given) if isinstance(given, tuple) else func(given) for name, given in scores.items()}
+    return values, {name: np.array([np.ravel(each) - 0.01, np.ravel(each) + 0.02]) for name, each in values.items()}
+"""
 
 
 @pytest.fixture
@@ -148,6 +167,7 @@ def test_a_changed_file_makes_a_result_stale_until_it_is_run_again(project):
         ("bar: 0.85", "bra: 0.85", "rows.plain/good.bra is not a known key; did you mean 'bar'?"),
         ("of: plain/good", "of: plain/god", "rows.plain/share.of=plain/god is not a row above it"),
         ("root: ..", "roots: ..", "rows.yaml must have the keys root, pages"),
+        ("compared: [field]", "compared: [plain]", "compared has plain, which must be a matrix"),
     ],
 )
 def test_a_bad_row_is_refused_with_one_sentence(project, old, new, sentence):
@@ -175,3 +195,88 @@ def test_the_pages_show_what_the_store_has():
         [sys.executable, "-m", "benchmarks.reproduce", "--check"], capture_output=True, text=True, cwd=ROOT
     )
     assert done.returncode == 0, done.stderr
+
+
+def store(project, name, *values):
+    """Store a run of each seed as if it had been made."""
+    folder = project / "benchmarks" / "results"
+    (folder / "code").mkdir(parents=True, exist_ok=True)
+    (folder / "code" / "none.txt").write_text("")
+    (folder / name).mkdir(parents=True)
+    about = {"commit": "abc", "date": "2026-01-01", "code": "none", "seconds": 1}
+    for seed, value in enumerate(values):
+        commands = [f"python task.py {name[-1]} {seed}"]
+        result = about | {"commands": commands, "figures": {"success_at_end": value, "ci95": [0, 1]}}
+        (folder / name / f"{seed}.json").write_text(json.dumps(result))
+
+
+def library(folder, monkeypatch, content):
+    """Put a module of this content in the place of rliable."""
+    (folder / "rliable").mkdir(parents=True)
+    for name in ("__init__", "library", "metrics"):
+        (folder / "rliable" / f"{name}.py").write_text(content)
+    monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
+
+
+def compared(project):
+    """The cells of the page's comparison by the label of their line; its head under ""."""
+    lines = (project / "page.md").read_text().partition("<!-- comparison: field -->\n")[2].splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
+    return {"": rows[0], **{row[0]: row[1:] for row in rows[1:]}}
+
+
+def test_columns_are_compared_on_lines_that_have_every_run(project, tmp_path, monkeypatch):
+    library(tmp_path / "fake", monkeypatch, LIBRARY)
+    reproduce(project, "--write")
+    assert compared(project) == {"": ["0 of 2, 2 seeds"], "not run": []}
+    store(project, "field/near-a", 0.75, 0.5)
+    store(project, "field/near-b", 0.96, 0.75)
+    store(project, "field/far-a", 0.25, 0.25)
+    store(project, "field/far-b", 1.0)
+    reproduce(project, "--write")
+    found = compared(project)
+    assert found[""] == ["1 of 2, 2 seeds", "a", "b"]
+    assert found["interquartile mean (95 %)"] == ["0.625 (0.615-0.645)", "0.855 (0.845-0.875)"]
+    assert found["runs above 0.5"][0] == "0.500 (0.490-0.520)"
+    assert found["runs above 0.95"][1] == "0.500 (0.490-0.520)"
+    assert found["better than a"] == ["", "0.875 (0.855-0.885)"]  # a tie counts half
+    assert found["better than b"] == ["0.125 (0.115-0.145)", ""]
+
+
+def test_a_comparison_is_computed_again_only_for_other_runs(project, tmp_path, monkeypatch):
+    for name in ("near-a", "near-b"):
+        store(project, f"field/{name}", 0.75, 0.5)
+    with monkeypatch.context() as patched:
+        library(tmp_path / "fake", patched, LIBRARY)
+        reproduce(project, "--write")
+    library(tmp_path / "none", monkeypatch, "raise ModuleNotFoundError('not here', name='rliable')")
+    written = compared(project)
+    reproduce(project, "--check")
+    reproduce(project, "--write")
+    assert compared(project) == written
+    for name in ("far-a", "far-b"):
+        store(project, f"field/{name}", 0.25, 1.0)
+    said = reproduce(project, "--write", code=1)
+    assert 'comparisons of algorithms need rliable, which is not installed: pip install -e ".[bench]"' in said
+    assert len(said.splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_the_comparison_is_that_of_rliable(project):
+    metrics = pytest.importorskip("rliable.metrics")
+    scores = {"a": np.array([[0.75, 0.9], [0.5, 0.96]]), "b": np.array([[0.75, 0.98], [0.9, 0.91]])}
+    for column, values in scores.items():
+        for line, runs in zip(("near", "far"), values.T, strict=True):
+            store(project, f"field/{line}-{column}", *runs)
+    reproduce(project, "--write")
+    found = compared(project)
+    means = [f"{metrics.aggregate_iqm(values):.3f}" for values in scores.values()]
+    assert [cell.split()[0] for cell in found["interquartile mean (95 %)"]] == means
+    better = metrics.probability_of_improvement(scores["b"], scores["a"])
+    value, low, high = map(float, re.findall(r"[\d.]+", found["better than a"][1]))
+    assert value == pytest.approx(better, abs=1e-3)
+    assert 0 <= low < value < high <= 1
+    before = compared(project)
+    (project / "results.json").unlink()
+    reproduce(project, "--write")
+    assert compared(project) == before  # the resamples have a seed
