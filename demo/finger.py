@@ -24,7 +24,8 @@ class Finger:
 
     aim: (3,) metres, where the finger points, or will start. ray: origin (3,) and direction (3,); None before the first
     gesture in a scene. probabilities: (K,) that the finger points at each object; None if nothing is near the ray.
-    is_new: whether there was a gesture since the last instruction.
+    is_new: whether there was a gesture since the last instruction. fresh: gestures at one object after another since
+    the last sentence.
     """
 
     def __init__(self, env: InteractiveEnv) -> None:
@@ -37,7 +38,7 @@ class Finger:
         self._referents: deque[int] = deque(maxlen=MAX_GESTURES)
         self.ray: tuple[Array, Array] | None = None
         self.probabilities: Array | None = None
-        self.is_new = False
+        self.is_new, self.fresh = False, 0
 
     def point_at(self, place: ArrayLike) -> int | None:
         """Points at a place (3,), metres. Returns the likeliest object; None if nothing is near the ray.
@@ -55,6 +56,7 @@ class Finger:
         if self.probabilities is None:
             return None
         likeliest = int(self.probabilities.argmax())
+        self.fresh += not self.fresh or likeliest != self.last_referent
         self._referents.append(likeliest)
         return likeliest
 

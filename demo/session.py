@@ -48,6 +48,8 @@ Array = NDArray[np.float64]
 MAX_CHARACTERS = 300  # of a sentence; the rest is ignored
 STOPS = ("stop", "wait", "home")  # signals that end what is being done
 OBJECTION = re.compile(r"\s*(no|nope|not|wait|stop|don't|hold on)\b", re.IGNORECASE)  # stops the arm, whatever follows
+THIS_HERE = re.compile(r"\b(this|that)( \w+)? (right |over )?(here|there)\b", re.IGNORECASE)  # may be one gesture
+ASKING = re.compile(r"\W*(and |so |hey |ok |okay |but )*(what|which|who|is|are)\b", re.IGNORECASE)
 NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven by hand
 
 
@@ -130,7 +132,9 @@ class Session:
         board.mark(self.env, None)
         self._planner = SubtaskPlanner(self.env, np.random.default_rng(self.seed))
         self._planner.viewpoint = self.viewpoint
-        self._dialogue, self._subtasks = Dialogue(), deque[Subtask]()
+        real = self._choice is not None and self._choice.name != "sim"
+        self._dialogue = Dialogue(body="a robot arm, a real one") if real else Dialogue()
+        self._subtasks = deque[Subtask]()
         self._home = worlds.homes(self._planner.scene())
         self._subtask: Subtask | None = None
         self._stopped = deque[Subtask]()  # what was to be done when somebody said stop
@@ -184,6 +188,7 @@ class Session:
         The indices of the outcome are those of `scene()`.
         """
         outcome = self._interpret(self._dialogue, sentence)
+        self.finger.fresh = 0
         objects = OBJECTION.match(sentence) is not None and not isinstance(outcome, Plan)
         contradicts = self._dialogue.control_word(sentence.lower().strip(" .,!?")) == "no"
         if objects or contradicts or (isinstance(outcome, Signal) and outcome.control in STOPS):
@@ -204,6 +209,7 @@ class Session:
             return refusal
         self.view.sentence = sentence
         self._start_plan(first, subtasks)
+        self._dialogue.ended(f"I am at it: {self.understood}")
         return outcome
 
     def _obey(self, signal: Signal) -> Signal:
@@ -225,6 +231,10 @@ class Session:
         sentence = sentence[:MAX_CHARACTERS]
         world = worlds.world_of(self.env, self.scene(), self._home)
         needed = worlds.pointed_in(sentence, (*POINTING, *HERE, "pointing"))
+        if THIS_HERE.search(sentence) and (self.finger.fresh == 1 or ASKING.match(sentence)):
+            needed = 1
+        if self.finger.fresh and self.finger.last_referent is not None:  # "pick it up" after a click
+            dialogue.it = (self.finger.last_referent,)
         pointed = self.finger.referents(needed, sentence) if needed else ()
         outcome = dialogue.answer(sentence, world, () if self.env.task.traits.stacks else pointed)
         outcome = self._named_alone(outcome)
@@ -350,6 +360,8 @@ class Session:
         self.view.highlighted = ()
 
     def _end(self, status: str) -> None:
+        if self._subtask is not None:
+            self._dialogue.ended(self._told_ending(status))
         board.mark(self.env, None)
         self._planner.return_targets()
         self._subtasks.clear()
@@ -360,6 +372,16 @@ class Session:
         self._mark("doing", "failed" if status.startswith("Not done") else "dropped")
         self._mark("next", "dropped")
         self.view.status = status
+
+    def _told_ending(self, status: str) -> str:
+        """How far the plan came, for the dialogue; "" if it was carried out."""
+        if status.startswith("Done"):
+            return ""
+        done = [step.words for step in self.view.steps if step.state == "done"]
+        left = [step.words for step in self.view.steps if step.state in ("doing", "next")]
+        why = status.removeprefix("Not done: ").strip(".").lower()
+        failed = f"I did not {' and '.join(left) or 'go on'} ({why})"
+        return f"I did this: {' and '.join(done)}. {failed}" if done else failed
 
     def _start_plan(self, first: Subtask, others: deque[Subtask]) -> None:
         """Starts the first subtask of a plan, in place of what is being done."""

@@ -7,6 +7,9 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import NamedTuple
 
+from rapidfuzz.distance import OSA
+
+from language.lattice import STRANGERS, spellings
 from language.normalise import plain_start
 from language.scanning import Token, scan, verb_words
 from language.words import CONTROLS, TABLE, phrases
@@ -172,15 +175,22 @@ _IMPERATIVES = (  # commands that ask for an answer
     (r"(?:what|how) do you call ([^,;]+)", r"which \1"),
     (
         r"(?:has|did|have) (?:anybody|anyone|somebody|someone|you)(?: already| ever)?"
-        r" (press|open|close|turn|switch|flip)(?:ed|d|ped)? (.+?)(?: yet| already)?",
+        r" (press|open|close|turn|switch|flip)(?:ed|d|ped)? (?!it\b|that\b|them\b)(.+?)(?: yet| already)?",
         r"is \2 \1ed",
     ),
 )
 
 
+_ASKED = ("what", "where", "which", "how", "who", "why", "whose")
+
+
 def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
     asked = _OPENING.sub("", text.rstrip(" ?.!"))
+    first, _, rest = asked.partition(" ")
+    if rest and len(first) > 2 and first not in (*_ASKED, *STRANGERS) and (first, 0.0) not in spellings(first):
+        near = [word for word in _ASKED if OSA.distance(first, word) == 1]
+        asked = f"{near[0]} {rest}" if near else asked  # "whre is it?"
     for pattern, plain in _IMPERATIVES:
         asked = re.sub(rf"^{pattern}$", plain, asked)
     if not _ASKING.search(asked) or _REQUESTING.match(asked):

@@ -25,6 +25,7 @@ from language.remarks import command as command_word
 from language.revising import further, opposite, partly_back, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.settling import Choices, choices, settled
+from language.statements import stated
 from language.steps import ON_TABLE
 from language.talk import abilities, foreign, name, offers, phrase, said
 from language.understanding import exact_reading
@@ -97,6 +98,8 @@ class Dialogue(Conditions):
             return signal
         if strange := foreign(words, vocabulary()):
             return Refusal(sentence, span=span, reason="language", text=strange, suggestions=offers(world))
+        if (stated := self._stated(sentence, parts)) is not None:
+            return stated
         text = _without_idle(sentence, parts)
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Answer(sentence, 1.0, (), span, text=f"All right, I do nothing. {_NEXT}")
@@ -104,10 +107,21 @@ class Dialogue(Conditions):
             return replace(told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
             return self._unknown(sentence, words)
-        outcome = replace(self._command(text, made), sentence=sentence)
+        outcome = replace(self._restored(text) or self._raised(text) or self._command(text, made), sentence=sentence)
         if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
             return outcome
         return self._aside(sentence, parts, outcome) or outcome
+
+    def _stated(self, sentence: str, parts: list[Part]) -> Answer | None:
+        """Return the answer to a sentence that only says how something is, or what has happened."""
+        kind = stated(parts)
+        known = Questions(self.now, self.planner(), self.turns)
+        if not kind or (kind == "opinion" and self.open_question() is not None):
+            return None
+        told = known.account() if kind == "event" else ""
+        if not told:
+            return _social(sentence, self.now)
+        return Answer(sentence, 1.0, (), (0, len(sentence)), about=tuple(known.things), text=told)
 
     def _aside(self, sentence: str, parts: list[Part], outcome: Outcome) -> Outcome | None:
         """Return what a signal or small talk comes to whose other parts say nothing: "stop, you'll break it"."""
@@ -212,14 +226,14 @@ class Dialogue(Conditions):
         rest = [word for at, word in enumerate(words) if at not in spent]
         act = act_of(rest) or ("again" if number > 1 and act_of([*rest, "again"]) else None)
         span, asked = (0, len(sentence)), self.open_question()
-        did = self.turns[-1].outcome if self.turns else None
+        did = next((turn.outcome for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
         if act is None:
             return None
         if act in ("social", "sorry") or (act == "any" and asked is None):
             return _social(sentence, self.now)
         if act in ("no", "wrong") and asked is not None:
             return Answer(sentence, 1.0, (), span, text="All right, I do nothing. Say what you mean instead")
-        if act in ("no", "wrong") and isinstance(did, Plan) and "one" in words:
+        if act in ("no", "wrong") and isinstance(did, Plan) and {"one", "cube", "block", "thing"} & {*words}:
             return Question(sentence, 0.5, (), span, text="Which one do you mean instead?", reading=self.last)
         if act == "no" and isinstance(did, Plan):
             return Signal(sentence, 1.0, (), span, control="stop", text="I stop. Say what you mean instead")
@@ -232,6 +246,8 @@ class Dialogue(Conditions):
             return self._settle(sentence, back) if back is not None else self._nothing(sentence, act)
         if act == "opposite":
             return self._turned_round(sentence) or self._nothing(sentence, act)
+        if act == "yes" and asked is None and isinstance(did, Signal) and did.control in ("stop", "wait"):
+            return Signal(sentence, 1.0, (), span, control="continue")
         if act in ("yes", "any"):
             return self._agreed(sentence, act, asked)
         if act in _NOTHING:
@@ -383,7 +399,7 @@ class Dialogue(Conditions):
         world, span = self.now, (0, len(sentence))
         if (command := proposal(asked)) is not None:
             return self._supposed(sentence, command)
-        known = Questions(world, self.planner(made), self.turns)
+        known = Questions(world, self.planner(made), self.turns, self.body)
         if known.pointed:
             known.planner.it = tuple(known.pointed)
         told = known.answer(asked)
@@ -465,6 +481,8 @@ def _social(sentence: str, world: WorldModel) -> Answer:
 def _without_idle(sentence: str, parts: list[Part]) -> str:
     """Return a sentence with blanks where parts say nothing that matters to the others, and "no" where they correct."""
     said = False
+    for part in parts:
+        sentence = _without_small_talk(sentence, part)
     if all(part.act in IDLE for part in parts):
         return sentence
     for part in parts:
@@ -476,6 +494,20 @@ def _without_idle(sentence: str, parts: list[Part]) -> str:
         elif not (said and part.act != "social"):
             kept = "no" if corrects else ""
             sentence = f"{sentence[: part.start]}{kept.ljust(part.end - part.start)}{sentence[part.end :]}"
+    return sentence
+
+
+def _without_small_talk(sentence: str, part: Part) -> str:
+    """Return a sentence with blanks where a part begins with small talk before a command: "haha now open it"."""
+    words = part.words
+    for end in range(len(words) - 1, 0, -1) if part.act is None else ():
+        if words[end - 1] in ("is", "that", "it", "this", "you", "was", "i"):  # "yes, that is what I meant"
+            continue
+        chat = act_of(words[:end]) in ("social", "yes") and any(act_of([word]) == "social" for word in words[:end])
+        rest = " ".join(words[end:])
+        if chat and (command_word().match(rest) or question(rest)):
+            start = part.start + scan(sentence[part.start : part.end])[end].start
+            return f"{sentence[: part.start]}{' ' * (start - part.start)}{sentence[start:]}"
     return sentence
 
 

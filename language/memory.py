@@ -14,12 +14,16 @@ from language.world import WorldModel
 
 
 class Turn(NamedTuple):
-    """A sentence, what came of it, the world before it, and the things that it was about, the last one last."""
+    """A sentence, what came of it, the world before it, and the things that it was about, the last one last.
+
+    ending: how far its steps came, in a sentence, where they were not all carried out; "" if they were.
+    """
 
     sentence: str
     outcome: Outcome
     world: WorldModel
     about: tuple[int, ...] = ()
+    ending: str = ""
 
 
 @dataclass
@@ -29,6 +33,7 @@ class Memory:
     world: the scene after the last outcome. turns: oldest first. it: the things that were spoken of last.
     box: the container that was spoken of last. last: the reading of the last plan, question or refusal.
     surroundings: further fields of `WorldModel` for every scene, such as `bounds` and `little`.
+    body: what the robot is.
     """
 
     world: WorldModel | None = None
@@ -37,6 +42,7 @@ class Memory:
     box: int | None = None
     last: Reading | None = None
     surroundings: dict[str, Any] = field(default_factory=dict)
+    body: str = "a simulated robot arm, not a real one"
 
     def remember(self, outcome: Outcome, world: WorldModel) -> None:
         """Add an outcome to the memory. world: before it."""
@@ -68,6 +74,13 @@ class Memory:
         self.remember(replace(outcome, sentence=turn.sentence, about=outcome.about or turn.outcome.about), world)
         if self.last is None:
             self.last = kept
+
+    def ended(self, told: str) -> None:
+        """Note how far the last plan came. told: in a sentence; "" if it was carried out."""
+        for at in range(len(self.turns) - 1, -1, -1):
+            if getattr(self.turns[at].outcome, "steps", ()):
+                self.turns[at] = self.turns[at]._replace(ending=told)
+                return
 
     def _spoken_of(self, outcome: Outcome, world: WorldModel) -> tuple[int, ...]:
         """Return the things that a sentence named exactly which led to a question or could not be carried out."""

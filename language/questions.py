@@ -17,7 +17,7 @@ from language.planning import Planner
 from language.scanning import COLOR, Token, scan
 from language.self_answers import SelfAnswers
 from language.talk import holds, listed, name, phrase, real, seen, state, where
-from language.words import colors, phrases
+from language.words import GROUPS, colors, nouns, phrases
 from language.world import AT_END, WorldModel
 
 _PLAIN_VERBS = frozenset(
@@ -68,10 +68,11 @@ class Questions(SelfAnswers):
         world: as it is.
         planner: resolves phrases in it.
         turns: what was said before and what came of it, oldest first.
+        body: what the robot is.
     """
 
-    def __init__(self, world: WorldModel, planner: Planner, turns: Sequence[Any]) -> None:
-        self.world, self.planner, self.turns = world, planner, turns
+    def __init__(self, world: WorldModel, planner: Planner, turns: Sequence[Any], body: str = "a robot arm") -> None:
+        self.world, self.planner, self.turns, self.body = world, planner, turns, body
         self.pointed = [i for gesture in planner.gestures for i in gesture.things]
         self.things: list[int] = []  # that were asked about
 
@@ -80,6 +81,7 @@ class Questions(SelfAnswers):
         asked = re.sub(
             r" (?:still|currently|actually|right now|at moment|presently)\b(?! (?:open|closed|there))", "", asked
         )
+        asked = re.sub(rf"\b(round|square) ({COLOR}) (?=(?:thing|one|object)s?\b)", r"\2 \1 ", asked)
         for kind, pattern in questions():
             if (match := pattern.search(asked)) and (text := getattr(self, kind)(match)):
                 return text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
@@ -177,6 +179,8 @@ class Questions(SelfAnswers):
             far = [math.hypot(thing.x - x, thing.y - y) for thing in world.things]
             sign = 1 if compared[1] in ("nearer", "closer") else -1
             return Predicate(lambda i: sign * far[i] < sign * far[other[0]], "place") if other else None
+        if kinds := _kinds(plain):
+            return Predicate(lambda i: world.things[i].kind in kinds, "kind")
         held = r"^(?:held|held by you|holding|you hold|you holding)$"
         if word == "held" or re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
             return Predicate(lambda i: i == world.held, "place")
@@ -219,7 +223,7 @@ class Questions(SelfAnswers):
             return Predicate(lambda i: on[i] is not None and (other[i] is None or not whole), "place")
         under = re.match(r"(?:under|below|beneath|underneath) (.*)", plain)
         if under and (upper := self.subject(under[1])):
-            return Predicate(lambda i: any(world.below[j] == i for j in upper), "place")
+            return Predicate(lambda i: any(world.below[j] == i for j in upper), "under")
         entity, found = self.refs(f"thing {plain}")
         if (
             entity is None
@@ -235,6 +239,10 @@ class Questions(SelfAnswers):
         if about == "content" and index in (*world.containers, world.hand):
             inside = world.contents(index)
             return f"{self.names(inside).split(' in ')[0] if inside else 'nothing'} is in {plain}"
+        if about == "under" and (upper := world.above[index]) is not None:
+            return f"{plain} is under {name(world, upper)}"
+        if about == "kind":
+            return f"{plain} is a {world.things[index].kind}"
         if about == "color":
             return f"{plain} is {world.things[index].color}"
         if about == "state" or not world.is_loose(index):
@@ -332,7 +340,7 @@ class Questions(SelfAnswers):
             return f"I mean {self.names(self.things)}" if self.things else None
         text = re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text)
         if re.search(r" (?:on|in|inside|under|next to|near|behind|at)$", text):  # "what is the red cube standing on?"
-            words = re.sub(rf"^{_BE} ", "", text.rpartition(" ")[0])
+            words = re.sub(rf"^{_BE} | (?:stand|lie|sit|rest)$", "", text.rpartition(" ")[0])
             self.things = self.subject(_ADDING.sub("", f"{words} ").strip()) or []
             return "; ".join(self._told(i, "place") for i in self.things[:3]) or None
         noun = re.match(
@@ -342,7 +350,7 @@ class Questions(SelfAnswers):
         head, rest = (text[: joint.start()].strip(), text[joint.end() :].strip()) if joint else ("", text)
         if rest.startswith("or ") or not rest:
             return None
-        if re.match(_BEST, rest) and not among and (best := self._best(rest, noun[0] if noun else "cube")):
+        if re.match(_BEST, rest) and not among and (best := self._best(rest, head or (noun[0] if noun else "cube"))):
             return best
         negated = "not " if rest.startswith("not ") else ""
         stated = self.predicate(rest)
@@ -364,19 +372,23 @@ class Questions(SelfAnswers):
             fits = [i for i in fits if self.world.is_loose(i)] or fits
         self.things = fits
         plain = _ADDING.sub("", f"{rest} ").strip() if not negated else rest
+        if not fits and stated.about == "under":
+            return f"nothing is {plain}"
         if not fits and (not things or re.search(rf"{_BEST}|\b(?:is|are)\b", rest)):
             return None  # one is always the farthest: the words were not all used
         if not fits:
             return f"nothing is {plain}" if head in ("", "thing") else f"none: no {_plain(head)} is {plain}"
-        if stated.about == "place" and len(fits) <= 3 and not re.search(_BEST, plain):
-            return "; ".join(self._told(i, "place") for i in fits)
+        if stated.about in ("place", "under") and len(fits) <= 3 and not re.search(_BEST, plain):
+            return "; ".join(self._told(i, stated.about) for i in fits)
         return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {plain}"
 
     def _best(self, rest: str, noun: str) -> str | None:
         """Say which thing is closest to something, or farthest from it: "which cube is closest to the red one?"."""
         rest = rest.removesuffix(" one") if rest.endswith("st one") else rest
-        entity, fits = self.refs(f"{'cube' if noun in ('one', 'ones') else noun} {rest}")
-        self.things = fits
+        entity, fits = self.refs(f"{'thing' if noun in ('one', 'ones') else noun} {rest}")
+        if who := re.search(r"\b(me|us|you|robot)\b", rest):
+            fits.sort(key=lambda i: self._off(i, who[1]), reverse="far" in rest or "fur" in rest)
+        self.things = fits = fits if noun.endswith("s") else fits[:1]
         return "; ".join(self._told(i, "place") for i in fits[:3]) if entity is not None and fits else None
 
     def count(self, match: re.Match[str]) -> str | None:
@@ -455,6 +467,14 @@ class Questions(SelfAnswers):
     def described(self) -> str:
         """Return what is so of the things of the last condition."""
         return self._described
+
+
+def _kinds(plain: str) -> tuple[str, ...]:
+    """Return the kinds of things that the name of a shape, or a noun with its article, means; () for other words."""
+    shape = {"round": "round", "square": "cube", "cubic": "cube"}.get(plain)
+    noun = plain.partition(" ")[2] if plain.startswith(("a ", "an ")) else ""
+    kind = shape or next((kind for kind, names in nouns().items() if noun in names and kind != "thing"), None)
+    return GROUPS.get(kind, (kind,)) if kind is not None else ()
 
 
 def _plain(text: str) -> str:

@@ -7,16 +7,49 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from language import costs
-from language.meanings import Clause, Entity, Reading
+from language.meanings import Clause, Entity, Reading, RelationPhrase
 from language.memory import Memory
-from language.outcomes import Outcome, Plan, Question, Step
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.revising import filled, is_unshown, pinned, restoring, revised, selecting
 from language.scanning import Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.talk import name, offers, phrase
 from language.verbs import HERE, POINTING, Act
+from language.words import REGIONS
 from language.world import FIXED, WorldModel
+
+_FIRST = (  # at first
+    r"(?:(?:(?:at|in|from|to|of|since)(?: very)? (?:start|beginning|outset|first)(?! \w+ (?:cube|block|one))\b"
+    r"|originally|initially|at first"
+    r"|(?:when|before) (?:we|you|i|it|all this|this)(?: all| even| ever)? (?:started|began|start|begin)(?: with)?"
+    r"|(?:original|initial|starting|start|first) (?:place|position|spot|location|arrangement|state|order|set ?up"
+    r"|layout|situation|configuration)s?)\b)"
+)
+_ALL = (
+    r"(?:everything|all|things|it all|scene|room|board|table|cubes|blocks|objects|pieces|arrangement|state|set ?up"
+    r"|layout|situation)"
+)
+_AS_FIRST = re.compile(
+    r"^(?=.*\b(?:back|restore|return|reset|undo|revert|as|like|how|where|way)\b)"
+    rf"(?!.*\b(?:arm|gripper|yourself|your)\b).*{_FIRST}"
+)
+_ALL_BACK = re.compile(
+    r"^(?:please |now |and |then |just |can you |could you )*(?:(?:reset|restore|undo|revert|rewind) "
+    rf"(?:{_ALL}|all (?:of )?(?:it|that|this)|original \w+)"
+    rf"|put {_ALL} back(?: again)?(?: (?:where|how|as|like|way) (?:it|they|everything) (?:was|were))?)"
+    r"(?: please| again)*$"
+)
+_THING_BACK = re.compile(
+    r"(?: back)?(?: (?:to|at|in|into|on|onto))?(?: (?:how|where|place|spot|position|its|their|(?:it|that|they) "
+    rf"(?:was|were|is|stood|had been|lay|sat)))*(?: ,)? {_FIRST}"
+)
+_HEIGHT = re.compile(
+    r"^(?:(?:please|now|and|no|okay|just|then|can you|could you|so|go|move|come|get|bring|put|hold|keep|make|it|that"
+    r"|this|arm|your|gripper|a|an|bit|little|tad|notch|touch|much|way|some|even|more|slightly|far|not|too|still"
+    r"|further|up|down) )*(?P<side>higher|lower|high|low|up|upwards|to top)"
+    r"(?: (?:up|down|please|now|a bit|a little|more|again|still|than that))*$"
+)
 
 
 @dataclass
@@ -28,6 +61,10 @@ class Replies(Memory):
         clause, world = reply.steps[0], self.now
         if clause.entity is not None and clause.entity.kind in ("robot", "person"):
             return None
+        if clause.entity is not None and clause.entity.kind in REGIONS:  # "no, the far left corner"
+            place = RelationPhrase("at", (clause.entity,), span=clause.entity.span)
+            clause = replace(clause, entity=None, places=(place, *clause.places))
+            reply = replace(reply, steps=(clause, *reply.steps[1:]))
         asked = self.open_question()
         if not world.cells and any(matters(found.lattice, index) for index in reply.unused):
             return None  # a word is left out that may change the meaning
@@ -50,6 +87,48 @@ class Replies(Memory):
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
         restore = reply.rejects and (clause.entity is not None or world.cells)
         return self._tried(sentence, revised(self.last, reply), found, restore)
+
+    def _restored(self, sentence: str) -> Outcome | None:
+        """Return the outcome of "everything back to how it was in the beginning", or of a thing back to there."""
+        text, world = " ".join(token.text for token in scan(sentence) if token.text not in ".,!?"), self.now
+        first = _AS_FIRST.search(text)
+        if not first and not _ALL_BACK.match(text):
+            return None
+        only: tuple[int, ...] = ()
+        if not re.search(rf"\b{_ALL}\b", text):
+            entity, refs = phrase(world, self.planner(), scan(_THING_BACK.sub("", text)))
+            only = tuple(dict.fromkeys(i for ref in refs for i in ref.things[-1:] if world.is_loose(i)))
+            if entity is None or not only:
+                return None
+            if len(only) > 1 and not entity.plural and not entity.every:
+                return Question(sentence, 0.5, text=which(world, only), candidates=only, reading=self.last)
+        then = self.turns[0].world if self.turns else world
+        steps = restoring(world, then, only=only)
+        kept = [i for i in world.devices if abs(world.moved.get(i, 0.0) - then.moved.get(i, 0.0)) > 0.5]
+        stays = [name(world, i) for i in kept if not only and not any(step.object == i for step in steps)]
+        note = f"{' and '.join(stays)} cannot be moved back" if stays else ""
+        what = name(world, only[0]) if len(only) == 1 else "everything"
+        if not steps:
+            return Answer(sentence, 1.0, text=f"{what.capitalize()} is where it was at first{note and f', but {note}'}")
+        result = world
+        for step in steps:
+            result = result.after(step)
+        notes = (f"I put {what} back to where it was at first", *([note] if note else []))
+        return Plan(sentence, 1.0, (), (0, len(sentence)), steps=steps, result=result, notes=notes)
+
+    def _raised(self, sentence: str) -> Outcome | None:
+        """Return the refusal of "a bit higher": a thing is held at one height, or none is held."""
+        text, world = " ".join(token.text for token in scan(sentence) if token.text not in ".,!?"), self.now
+        height = _HEIGHT.match(text)
+        if height is None or world.only is not None or self.open_question() is not None:
+            return None
+        side = height["side"].replace("to top", "to the top")
+        if world.held is not None and side in ("low", "lower"):  # that puts it down
+            return None
+        why = f"nothing is in my gripper that could go {side}: tell me first what to pick up"
+        if world.held is not None:
+            why = f"{name(world, world.held)} cannot go {side}: I carry things at one height"
+        return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=why, suggestions=offers(world))
 
     def _unshown(self, entity: Entity | None, found: Choices) -> bool:
         """Whether a phrase is "it" or "this one", and nothing is shown to which that could refer."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
@@ -196,35 +196,41 @@ def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
     return Entity(relations=places)
 
 
-def restoring(now: WorldModel, then: WorldModel, moved: Sequence[int] = ()) -> tuple[Step, ...]:
-    """Return the steps that bring everything back to where and how it was. moved: what was to be moved since."""
-    steps: list[Step] = []
-    order = sorted(range(len(then.things)), key=lambda i: (i != now.held, then.things[i].bottom))
-    boxes = [box for box in now.containers if (box in now.open) != (box in then.open)]
-    steps += [Step(doing(Act.OPEN), box) for box in boxes if box in then.open]
-    for index in order:
-        old = then.things[index]
-        if index == then.held or not then.is_loose(index):  # a see-through thing marks a place, and others are fixed
-            continue
-        if index == now.held or is_elsewhere(now, then, index, MOVED if index in moved else BRUSHED):
-            box = now.inside.get(index)
-            if index != now.held:
-                steps.append(
-                    Step(bringing("up"), index)
-                    if box is None or box not in now.containers
-                    else Step(bringing("out"), index, box)
-                )
-            goal = then.inside.get(index, then.below[index])
-            verb = (
-                bringing("goal")
-                if goal is None
-                else bringing("in")
-                if goal in then.containers
-                else bringing("hand")
-                if goal == then.hand
-                else bringing("on")
-            )
-            steps.append(Step(verb, index, goal, (old.x, old.y), old.bottom))
+def restoring(
+    now: WorldModel, then: WorldModel, moved: Sequence[int] = (), only: Sequence[int] = ()
+) -> tuple[Step, ...]:
+    """Return the steps that bring everything back to where and how it was.
+
+    Args:
+        now: the world as it is.
+        then: as it was.
+        moved: what was to be moved since.
+        only: things that alone go back; (): all, also doors and devices.
+    """
+    loose = [i for i in range(len(then.things)) if then.is_loose(i) and i != then.held]  # see-through ones mark places
+    left = [i for i in loose if i == now.held or is_elsewhere(now, then, i, MOVED if i in moved else BRUSHED)]
+    if only:
+        left = [i for i in left if i in only or i == now.held] if {*left} & {*only} else []
+    left.sort(key=lambda i: (i != now.held, then.things[i].bottom))
+    used = {world.inside.get(i) for world in (now, then) for i in left}
+    opened = [box for box in now.containers if box not in now.open and (box in then.open or box in used)]
+    steps = [Step(doing(Act.OPEN), box) for box in opened]
+    world: WorldModel = now
+    aside: set[int] = set()
+    while left:
+        index = next((i for i in left if _may_go_back(world, then, i, left)), None)
+        spot = None
+        if index is None:  # things that change places: one of them goes aside first
+            index = next((i for i in left if world.above[i] is None and i not in aside), left[0])
+            spot = None if index in aside else _spot_aside(world, then, index)
+            aside |= {index}
+        if spot is None:
+            left.remove(index)
+        for step in _steps_back(world, then, index, spot):
+            steps.append(step)
+            world = world.after(step)
+    if only:
+        return (*steps, *(Step(doing(Act.SHUT), box) for box in opened))
     for device in then.devices:
         verb = next(verb for verb, noun in DEVICE_VERBS.items() if noun == then.things[device].kind)
         stays = KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))  # a button stays down
@@ -232,8 +238,44 @@ def restoring(now: WorldModel, then: WorldModel, moved: Sequence[int] = ()) -> t
             steps.append(Step(verb, device))
     if then.held is not None and now.held != then.held:
         steps.append(Step(bringing("up"), then.held))
-    steps += [Step(doing(Act.SHUT), box) for box in boxes if box in now.open]
-    return tuple(steps)
+    shut = [box for box in now.containers if box not in then.open and (box in now.open or box in opened)]
+    return (*steps, *(Step(doing(Act.SHUT), box) for box in shut))
+
+
+def _may_go_back(world: WorldModel, then: WorldModel, index: int, left: Sequence[int]) -> bool:
+    """Return whether nothing stands on a thing, or where it was. left: what is not back yet."""
+    old, box = then.things[index], then.inside.get(index)
+    if world.above[index] is not None or then.below[index] in left:
+        return False
+    if box is not None:
+        return not world.contents(box)
+    others = (j for j in range(len(world.things)) if j != index and world.is_loose(j) and j not in world.inside)
+    beside = ((world.things[j], max(abs(world.things[j].x - old.x), abs(world.things[j].y - old.y))) for j in others)
+    return all(away > 0.8 * old.width or thing.bottom < old.bottom for thing, away in beside)
+
+
+def _spot_aside(world: WorldModel, then: WorldModel, index: int) -> tuple[float, float] | None:
+    """Return a place near which nothing stands, or stood then; None if there is none."""
+    x0, x1, y0, y1 = world.bounds
+    spots = [(x0 + (x1 - x0) * i / 7, y0 + (y1 - y0) * j / 7) for i in range(8) for j in range(8)]
+    taken = [each.things[j] for each in (world, then) for j in range(len(each.things)) if each.is_loose(j)]
+    room = 1.5 * world.things[index].width
+    free = (at for at in spots if all(max(abs(t.x - at[0]), abs(t.y - at[1])) > room for t in taken))
+    return next(free, None)
+
+
+def _steps_back(world: WorldModel, then: WorldModel, index: int, spot: tuple[float, float] | None) -> Iterator[Step]:
+    """Yield the steps that take a thing and put it where it was then. spot: put it there, on the ground, instead."""
+    box, old = world.inside.get(index), then.things[index]
+    if index != world.held:
+        boxed = box is not None and box in world.containers
+        yield Step(bringing("out"), index, box) if boxed else Step(bringing("up"), index)
+    if spot is not None:
+        yield Step(bringing("goal"), index, None, spot, world.ground)
+        return
+    goal = then.inside.get(index, then.below[index])
+    effect = "goal" if goal is None else "in" if goal in then.containers else "hand" if goal == then.hand else "on"
+    yield Step(bringing(effect), index, goal, (old.x, old.y), old.bottom)
 
 
 def only_verb(clause: Clause, verb: str) -> Clause:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -10,11 +11,18 @@ from typing import Any
 from language.lattice import Lattice
 from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
+from language.revising import tells
 from language.scanning import scan
+from language.spots import is_elsewhere
 from language.talk import abilities, holds, name, said, seen
 from language.verbs import KNOWN, Act
 from language.viewpoint import whose_left
+from language.words import GROUPS
 from language.world import WorldModel
+
+_MORE = re.compile(
+    r"\b(?:doing|made|worth|used|standing|sitting|lying|resting|\w+(?:est|most))\b| (?:on|in|under|to|of|at)$"
+)
 
 
 class SelfAnswers(ABC):
@@ -25,6 +33,7 @@ class SelfAnswers(ABC):
     turns: Sequence[Any]
     things: list[int]
     pointed: list[int]
+    body: str
 
     @abstractmethod
     def refs(self, text: str) -> tuple[Any, list[int]]:
@@ -70,6 +79,21 @@ class SelfAnswers(ABC):
     def _plans(self) -> list[tuple[Any, Plan]]:
         return [(turn, turn.outcome) for turn in self.turns if isinstance(turn.outcome, Plan) and turn.outcome.steps]
 
+    def account(self) -> str:
+        """Return what was done last, how far that came, and how the thing is now that it was done with."""
+        plans = self._plans()
+        if not plans:
+            return "I have done nothing yet"
+        turn, plan = plans[-1]
+        asked = [step for step in plan.steps if not step.implied] or plan.steps
+        self.things = [asked[-1].object]
+        told = turn.ending or f"I did this: {said(turn.world, plan.steps)}"
+        if asked[-1].act is Act.TOUCH:
+            return told
+        held = self.world.held is not None
+        now = holds(self.world) if held else self._told(self.things[0], "state")
+        return f"{told}. {'' if held else 'Now '}{now}"
+
     def did(self, match: re.Match[str]) -> str | None:
         """Say what was done last or first, or whether and where something was put."""
         plans, text = self._plans(), match.string
@@ -88,10 +112,38 @@ class SelfAnswers(ABC):
             if boxes and (inside := self.world.contents(boxes[0])):
                 return f"{self.names(inside)}"
             return None if plans else "I have done nothing yet"
+        several = re.search(r"\b(?:so far|all|everything|until now|up to now|altogether)\b", text)
+        if several and plans:
+            return f"I did this: {'; then '.join(said(turn.world, plan.steps) for turn, plan in plans)}"
+        if len(plans) > 1 and (earlier := re.search(r"\b(?:first|before)\b", text)):
+            turn, plan = plans[0 if earlier[0] == "first" else -2]
+            return f"I did this: {said(turn.world, plan.steps)}"
+        return self.account()
+
+    def done(self, match: re.Match[str]) -> str | None:
+        """Say whether what was asked for last has been done, or whether a thing that was moved has fallen since."""
+        plans, text = self._plans(), match.string
+        told = self.account()
         if not plans:
-            return "I have done nothing yet"
-        turn, plan = plans[0 if re.search(r"\bfirst\b", text) else -1]
-        return f"I did this: {said(turn.world, plan.steps)}"
+            return f"no: {told}"
+        turn, plan = plans[-1]
+        acts = {KNOWN[edge.value].act for i in range(1, 5) for edge in Lattice(scan(text)).get(i, "verb")}
+        acts &= {Act.OPEN, Act.SHUT}
+        if acts:
+            box = next((i for i in (*self.things, self.planner.box) if i in self.world.containers), None)
+            shut = next((step for _, each in reversed(plans) for step in each.steps if step.object == box), None)
+            return (
+                None if box is None else f"{'yes' if shut and shut.act in acts else 'no'}: {self._told(box, 'state')}"
+            )
+        after = plan.result or self.world
+        fell = bool(turn.ending) or any(
+            self.world.is_loose(i) and i != self.world.held and (i == after.held or is_elsewhere(self.world, after, i))
+            for i in {step.object for step in plan.steps}
+        )
+        asks_fall = re.search(
+            r"\b(?:fall|fell|fallen|drop|dropped|slip|slipped|tip|tipped|lose|miss|missed|break)\b", text
+        )
+        return f"{'yes' if fell == bool(asks_fall) else 'no'}: {told}"
 
     def marks(self, match: re.Match[str]) -> str | None:
         """Say what see-through things are for."""
@@ -110,9 +162,14 @@ class SelfAnswers(ABC):
         if re.search(r"\b(?:one|only|two|fit|fits)\b.*\b(?:in|inside|into|on)\b", match.string):
             return f"because there is room for one thing in {self.names(self.world.containers)}, and on your hand"
         if so := re.match(r"why (?:is|are|was|were) (?!it\b|that\b|this\b|there\b|you\b)(.*)", match.string):
-            entity, things = self.refs(so[1])
+            entity, things = self.refs(re.sub(r" (?:open|closed|shut|empty|full|up|down)$", "", so[1]))
             if entity is not None and things:
                 return self._cause(things[0])
+        plans = self._plans()
+        if plans and (
+            plans[-1][0].ending or re.search(r"\b(?:fail|wrong|not (?:work|do|get|take|move|go))\b", match.string)
+        ):
+            return self.account()
         if not self.turns:
             return "I have done nothing yet, because you have not asked for anything before"
         last = self.turns[-1]
@@ -121,7 +178,6 @@ class SelfAnswers(ABC):
             return f"because I could not: {last.outcome.text}"
         if isinstance(last.outcome, Question):
             return f"because I had to ask: {last.outcome.text}"
-        plans = self._plans()
         if isinstance(last.outcome, Signal) or not plans:
             return f"because {sentence}"
         turn, plan = plans[-1]
@@ -157,7 +213,43 @@ class SelfAnswers(ABC):
         last = f"; I was at {name(self.world, plans[-1][1].steps[-1].object)} last" if plans else ""
         return f"my gripper is over the table{last}. {holds(self.world)}"
 
-    # ---- Gestures and sizes
+    # ---- Gestures, names, shapes and sizes
+
+    def named(self, match: re.Match[str]) -> str | None:
+        """Say which thing fits a phrase: "what is that red thing in front of me?"."""
+        if self.pointed:
+            return self.shown(match)
+        near = re.search(r"(?: right| just)? (?:in front of|before|near|next to|close to) (me|us|you)\b", match[1])
+        text = match[1].replace(near[0], "") if near else match[1]
+        text = re.sub(
+            r"(?: right| over| up| down| out| sticking| standing| lying| sitting)* ?(?:here|there|up)?$", "", text
+        )
+        entity, things = self.refs(text)
+        if entity is None or not things or not tells(entity) or entity.superlative or _MORE.search(text):
+            return None
+        if near:
+            things = sorted(things, key=lambda i: self._off(i, near[1]))[:1]
+        self.things = things
+        return f"{'that is' if len(things) == 1 else 'those are'} {self.names(things)}"
+
+    def _off(self, index: int, who: str) -> float:
+        """Return how far a thing is from the robot, or from the person, who is opposite."""
+        thing, (_, x1, y0, y1) = self.world.things[index], self.world.bounds
+        x = 0.0 if who in ("you", "robot") else 2 * x1 if not self.world.cells else x1
+        return math.hypot(thing.x - x, thing.y - (y0 + y1) / 2)
+
+    def shape(self, match: re.Match[str]) -> str | None:
+        """Say which shape things have."""
+        things = self.subject(match[1])
+        shown = [f"{self.names([i])} is a {self.world.things[i].kind}" for i in (things or ())[:3]]
+        round_ = GROUPS["round"]
+        return (
+            "; ".join(
+                f"{each}, {'round' if self.world.things[i].kind in round_ else 'not round'}"
+                for each, i in zip(shown, things or (), strict=False)
+            )
+            or None
+        )
 
     def shown(self, match: re.Match[str]) -> str | None:
         """Say what a gesture shows."""
@@ -168,7 +260,7 @@ class SelfAnswers(ABC):
         """Say how high a stack is, or how wide a thing is."""
         world = self.world
         tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
-        if re.search(r"\b(?:stack|tower|pile)\b", match[1]):
+        if re.search(r"\b(?:stack|tower|pile)\b", match[1]) or (match[1] in ("it", "that", "this") and tops):
             stacks = [world.column(world.things[i].x, world.things[i].y) for i in tops]
             self.things = max(stacks, key=len, default=[])
             return f"it is {len(self.things)} high: {self.names(self.things[::-1])}" if stacks else "there is no stack"
@@ -196,7 +288,7 @@ class SelfAnswers(ABC):
         """Say what the robot is, or what a gesture shows."""
         if self.pointed and re.match(r"(?:who|what) (?:is|are) (?:this|that|it)\b", match.string):
             return self.shown(match)
-        return f"I am a robot arm that does what you say and point at. {abilities(self.world)}"
+        return f"I am {self.body}, and do what you say and point at. {abilities(self.world)}"
 
     def fine(self, match: re.Match[str]) -> str | None:
         """Answer questions about the robot's condition."""

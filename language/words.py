@@ -17,6 +17,7 @@ GROUPS: dict[str, tuple[str, ...]] = {  # noun -> the kinds that it may mean
     "container": FITTINGS,
     "device": DEVICES,
     "lid": FITTINGS[-1:],
+    "round": ("sphere", "cylinder", "wheel"),
 }
 ENCLOSING = (*FITTINGS, *GROUPS)  # nouns of what a thing can be in
 NUMBERS = {

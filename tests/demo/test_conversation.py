@@ -152,6 +152,29 @@ def test_an_objection_stops_the_arm_whatever_else_it_says(session, words):
     assert session.view.status == "Stopped."
 
 
+def test_what_is_pointed_at_last_is_this_thing_here_and_it(session):
+    session.shuffle(3)
+    names, places = session.object_names(), session.scene().positions
+    session.point_at(places[0])
+    assert names[0] in session.say("what is this?").text.lower()
+    session.point_at(places[1])
+    assert names[1] in session.say("and what is this thing here?").text.lower()
+    session.point_at(places[2])
+    assert session.say("go to it").steps[-1].object == 2
+
+
+def test_after_a_stop_the_dialogue_knows_what_is_not_done_and_it_goes_on(session):
+    first, second = session.object_names()[:2]
+    session.say(f"reach {first} then reach {second}")
+    assert session.say("did you do it?").text.startswith("No: I am at it")
+    session.say("stop")
+    assert "stopped" in session.say("why did that not work?").text
+    session.say("thanks, you are good at this")
+    session.say("ok keep going")
+    drive(session)
+    assert session.say("did you do it?").text.startswith("Yes")
+
+
 def test_left_is_left_from_where_the_person_looks(session):
     session.shuffle()
     leftmost = {}

@@ -104,7 +104,7 @@ def test_whether_there_is_a_kind_of_thing_is_answered_by_its_name():
 
 @pytest.mark.parametrize("sentence", ["did that work?", "did it really work"])
 def test_whether_it_worked_is_a_question_and_moves_nothing(sentence):
-    assert said("reach the pink cube", sentence).text == "I did this: reach the pink cube."
+    assert said("reach the pink cube", sentence).text == "Yes: I did this: reach the pink cube."
 
 
 @pytest.mark.parametrize("sentence", ["why are some of them see through?", "what are the transparent ones for?"])
@@ -114,6 +114,7 @@ def test_what_see_through_things_are_for_is_told(sentence):
 
 def test_that_something_was_not_seen_is_no_command():
     assert (
-        said("reach the pink cube", "did that work? i couldnt see from here").text == "I did this: reach the pink cube."
+        said("reach the pink cube", "did that work? i couldnt see from here").text
+        == "Yes: I did this: reach the pink cube."
     )
     assert not isinstance(said("reach the pink cube", "i can not see it"), Plan)

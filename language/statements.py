@@ -1,0 +1,104 @@
+"""Statements that ask for nothing: "you are good at this", "it fell down".
+
+They are opinions, or tell what has happened. Whatever names a thing of the scene, a place or a duty may be a wish and
+is left to the grammar, but for what is told of a fall or of what the robot did.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+
+from language.acts import Part
+from language.scanning import COLOR, verb_words
+from language.words import TABLE, phrases
+
+_LEADS = re.compile(
+    r"^(?:(?:and|but|so(?= (?:you|it|that|this|i|they)\b)|oh|well|hey|no|wow|yes|okay|because|now|then|really|wait"
+    r"|sorry|actually|honestly|phew|haha|ha|see|hmm|man|damn|i (?:must|have to|would) say"
+    r"|(?:i|we) (?:see|guess|believe|find|think)|,|that(?= (?:you|it|that|this|i)\b)) )+"
+)
+_VERY = (
+    r"(?:(?:so|too|very|pretty|really|quite|just|all|all of|a bit|kind of|rather|not|indeed|even|always|still|again"
+    r"|actually|certainly|truly|totally|almost|never|ever|only|already|sure|surely) )*"
+)
+_ASKS = (
+    r"(?:that|what|how|where|why|who|when|do|is|are|can|could|if|many|much|far|high|tall|long|old|big|large|close|near"
+    r"|wide|come|about|to|does|did|would|was|should|heavy|fast|often)\b"
+)
+_OPINION = re.compile(
+    rf"^(?:(?:you|this robot|robot) {_VERY}(?:are|were|look|looked|seem|sound|rock|work|learn|have (?:a|an|such|very"
+    r"|good|nice|great|steady)|get it|got (?:it|that) (?:right|done)|do (?:it|that|this|so)?|did (?:it|that|this|so|a"
+    r"|great|good|nicely|fine|well|very|really)|made my (?:day|evening|morning)|make me|know (?:how|what))\b"
+    rf"|(?:i|we|my \w+) {_VERY}(?:am|are|was|were|feel|felt|like|love|enjoy|enjoyed|hate|hated|liked|loved|admire"
+    r"|appreciate|could not|can not|do not understand|do not know (?:what|how)|will (?:love|like|enjoy)"
+    r"|would (?:never|not)|never (?:saw|thought|seen|knew)|did not (?:know|expect|think))\b"
+    rf"|(?:that|this|it|these|they|all this|everything) {_VERY}(?:is|was|were|are|looks|looked|seems|seemed|feels|felt"
+    r"|works|worked|went|sounds|makes me|made me)\b"
+    r"|what an? (?!.*\b(?<!you )(?:is|are|was|does|do|can|should)\b).*$"
+    rf"|how (?!{_ASKS})\w+(?: (?:it|that|this|you) (?:is|are|was|looks?))?$"
+    rf"|(?:not (?:too )?bad|so (?!{_ASKS})\w+|such an? \w+|very \w+|exactly what|look at (?:it|that|this|you))\b)"
+)
+_PAST = (
+    r"(?:dropped|drop|lost|missed|knocked|fell|fallen|slipped|slip|tipped|broke|broken|crashed|failed|bumped|hit"
+    r"|collapsed|toppled|rolled|let (?:it|that|go)|took|taken|grabbed|picked|moved|pushed|did|put|opened|closed|pressed"
+    r"|turned|touched|reached|placed|stacked|switched|flipped|gave|brought|made|threw|tipped)"
+)
+_EVENT = re.compile(
+    rf"^(?:you {_VERY}(?:have |had )?{_VERY}{_PAST}\b"
+    r"|(?:it|that|this|they|one|cubes?|blocks?|tower|stack|"
+    rf"(?:{COLOR}|whole)(?: one| cube| block| ball| thing| tower)?|top one) {_VERY}(?:has |have |is )?{_VERY}"
+    r"(?:fell|fallen|slipped|dropped|tipped|broke|broken|crashed|collapsed|toppled|rolled|fell down|falling|gone|stuck"
+    r"|did not (?:work|move|happen|succeed|go|open|close)|does not (?:work|move)|failed|moved by itself)\b"
+    rf"|(?:nothing|something|not much) (?:has |is )?{_VERY}(?:happened|happening|moved|moving|changed|works|worked)\b)"
+)
+_NOT_EVENT = re.compile(
+    r"\b(?:wanted|needed|forgot|left|should|must|have to|has to|need|said|asked|instead|please|not what|not where"
+    r"|wrong|next time|i meant|where i|back|over again)\b"
+)
+_TAG = re.compile(r"^(?:is|are|was|were|did|do|does|have|has|right|or)(?: not)?(?: (?:it|you|that|i|this|they|not))*$")
+
+
+@cache
+def _asking() -> re.Pattern[str]:
+    """Return a pattern for what may ask for something: a thing of the scene, a place, a duty, a verb after "and"."""
+    return re.compile(
+        rf"\b(?:{COLOR}|cubes?|blocks?|bricks?|box|boxes|pieces?|drawers?|fridge|refrigerator|doors?|button|lever|wheel"
+        r"|switch|tower|stack|pile|corner|middle|edge|side|table|spheres?|balls?|cylinders?|gripper|container"
+        r"|should|must|shall|have to|has to|had to|needs?|supposed|want|wants|wanted|belongs?|meant|mean|said"
+        r"|asked|instead|please|wrong|left|next to|on top|on it|in it|in there|closer|farther|further|behind|between"
+        r"|under|inside|too (?:far|much|high|low|close|fast|slow)|slow|quick|fast|slower|faster|open|closed|shut|empty"
+        r"|full|if|to (?:have|see|get) (?:it|that|them|this)|(?:like|love) (?:you )?to|how about|other|another|one"
+        rf"|(?:and|then|now|but|or|so) (?:{verb_words()})|waiting for"
+        r"|(?<!you )(?:take|give|put|get|bring|help|move|open|close|hold) (?:it|me|that|this))\b"
+        r"|^(?:that|it|this) (?:is|was) (?:it|all|enough|not|no)\b"
+    )
+
+
+def stated(parts: Sequence[Part]) -> str:
+    """Return what a sentence states that asks for nothing: "opinion", "event"; "" for another one."""
+    kinds = [_kind(part) for part in parts]
+    if "" in kinds:
+        return ""
+    chat = "opinion" in kinds or any(part.act == "social" for part in parts)
+    return "event" if "event" in kinds else "opinion" if chat else ""
+
+
+def _kind(part: Part) -> str:
+    """Return "opinion", "event" or "idle" for a part of a sentence; "" for one that may ask for something."""
+    text = " ".join(part.words)
+    if part.act is not None:
+        return "idle" if part.act in ("social", "yes", "no", "sorry") else ""
+    if _TAG.match(text) or all(word in _polite() for word in part.words):
+        return "idle"
+    text = _LEADS.sub("", text)
+    if _EVENT.match(text) and not _NOT_EVENT.search(text):
+        return "event"
+    return "opinion" if part.mark != "?" and _OPINION.match(text) and not _asking().search(text) else ""
+
+
+@cache
+def _polite() -> frozenset[str]:
+    """Return the words that alone say nothing."""
+    return frozenset(each for table in ("polite", "social") for each in phrases(TABLE[table]) if " " not in each)
