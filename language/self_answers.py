@@ -21,7 +21,7 @@ from language.words import GROUPS
 from language.world import WorldModel
 
 _MORE = re.compile(
-    r"\b(?:doing|made|worth|used|standing|sitting|lying|resting|\w+(?:est|most))\b| (?:on|in|under|to|of|at)$"
+    r"\b(?:doing|made|worth|used|standing|sitting|lying|resting|\w+(?:est|most))\b| (?:on|in|under|to|of|at|for)$"
 )
 
 
