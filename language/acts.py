@@ -70,7 +70,7 @@ def _plain(words: Iterable[str]) -> tuple[str, ...]:
 
 def act_of(words: Sequence[str]) -> str | None:
     """Return what words do that consist of signals, replies and small talk; None if they say something else."""
-    known, words = _phrases(), _plain(words)
+    known, words = _phrases(), _plain(words[1:] if len(words) > 1 and words[0] == "and" else words)
     count = len(words)
     longest = max(map(len, known))
     best: list[tuple[int, tuple[str, ...]] | None] = [None] * count + [(0, ())]
@@ -158,6 +158,8 @@ _REQUESTING = re.compile(
 )
 
 
+_TOWER = r"(?:that |this |my )?(?:tower|stack|pile)"
+_CONSISTS = r"(?:made|built|consist|made up|contain|have|got|of|from|out of)"
 _IMPERATIVES = (  # commands that ask for an answer
     (r"count(?: up)? (?:how many )?(?!out\b)(.+?)(?: and (?:report|tell|say|give)\b.*)?", r"how many \1"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?colou?rs? of (.+)", r"what colour is \1"),
@@ -172,6 +174,16 @@ _IMPERATIVES = (  # commands that ask for an answer
     ),
     (r"(?:confirm|report|check|give(?: me)?|tell me|state) (?:a )?([^,;]+?) (?:status|state)", r"is \1 open"),
     (r"(which(?: one| cube| block)?|what) is (?:holding up|supporting|carrying) (.+)", r"\1 is under \2"),
+    (r"(?:of )?how many \w+ (?:high|tall) is (.+)", r"how high is \1"),
+    (
+        rf"(?:of )?(?:how many|which|what) (?:\w+ )?(?:is|are|does|do|has|have)(?: in)? {_TOWER}(?: {_CONSISTS})*",
+        "how high is tower",
+    ),
+    (
+        rf"how many \w+ (?:of|in|are in|are there in|are stacked|are piled) ?(?:{_TOWER}|up|on top of each other)*",
+        "how high is tower",
+    ),
+    (r"(?:(?:tell me|say|give me|what is) )?(?:a )?height of (.+?)(?: in cubes)?", r"how high is \1"),
     (r"(?:what|how) do you call ([^,;]+)", r"which \1"),
     (
         r"(?:has|did|have) (?:anybody|anyone|somebody|someone|you)(?: already| ever)?"

@@ -365,7 +365,8 @@ class Dialogue(Conditions):
         match = re.match(r"(?:and|what about|how about|and what about|or)\b ?(.+)$", words)
         earlier = (question(" ".join(part.words)) for part in parts_of(last.sentence)) if last else ()
         before = next((asked for asked in earlier if asked), None)
-        if match is None or before is None or re.search(rf"\b(?:{verb_words()})\b", match[1]):
+        placed = rf"\b(?:{verb_words()})\b|\bon (?:top(?: of)? ?)?(?:it|that|those|)$"  # says what is to be done
+        if match is None or before is None or re.search(placed, match[1]):
             return None
         planner = self.planner()
         new, old = (phrase(self.now, planner, scan(text))[0] for text in (match[1], before))

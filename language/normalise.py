@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from core.safe_files import read_yaml
+from language.arrangements import arranged
 from language.errors import NotUnderstood
 from language.remarks import without_remarks
 from language.scanning import COLOR, Token, said, scan, verb_words
@@ -46,7 +47,8 @@ def normalised(sentence: str) -> list[Token]:
     while found and found[0].text in ".,;:!?":
         del found[0]
     found = _undoubled(_of_program(sentence, _trimmed(found)))
-    found = repaired(rewritten(_unframed(found), wordings()["repairs"]))
+    found = _unframed(arranged(rewritten(found, wordings()["orders"])))
+    found = repaired(rewritten(found, wordings()["repairs"]))
     found = _unframed(without_remarks(found))
     for name in ("misheard", "plain"):
         found = rewritten(found, wordings()[name])
@@ -246,13 +248,13 @@ def wordings() -> dict[str, tuple[Rule, ...]]:
     """Return the rules of `wordings.yaml`: "frames", "misheard" and "plain"."""
     table = read_yaml(Path(__file__).with_name("wordings.yaml"))
     parts = {**table["parts"], "V": f"(?:{verb_words()})"}
-    for name in ("frames", "repairs", "misheard", "plain", "questions"):
+    for name in ("frames", "orders", "repairs", "misheard", "plain", "questions"):
         for part in (*parts, *parts):  # parts may name parts
             table[name] = table[name].replace(f"<{part}>", parts[part])
     frames = "\n".join(f"{parts['START']}(?:{line})(?: [,:])?(?= |$) ==> " for line in table["frames"].splitlines())
     swapped = (line.split(" ==> ", 1) for line in table["questions"].splitlines())
     asking = "\n".join(f"{pattern} ==> {kind}" for kind, pattern in swapped)
-    names = ("repairs", "misheard", "plain")
+    names = ("orders", "repairs", "misheard", "plain")
     rules = {"frames": frames, **{name: table[name] for name in names}}
     found = {name: _rules(lines, ("^", parts["START"])) for name, lines in rules.items()}
     return {**found, "questions": _rules(asking, ())}

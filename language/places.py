@@ -300,7 +300,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     what = next((wish.what for wish in wishes if wish.what), "there")
     if not fits.any():
         return Spot(nx, ny, world.ground, None, cost, f"{what} is outside what the arm reaches")
-    others = [i for i in world._standing.get(None, ()) if i != mover]
+    others = [i for each in world._standing.values() for i in each if i != mover]
     taken = [i for i in others if world.is_loose(i) or world.covers(*world.things[i][2:4])]
     boxes = tuple((*world.things[i][2:4], max(thing.width, world.things[i].width)) for i in taken)
     masks = _free_grid(world.bounds, world.cells, boxes)

@@ -135,7 +135,8 @@ class Planner(Several):
         if entity.kind == "it":
             held = plan.world.held is not None and clause.act in LOOSE
             return entity.plural and (len(plan.it) > 1 or entity.every or clause.act in BOXES) and not held
-        return entity.kind == "list" or entity.every or (entity.number or 1) > 1
+        whole = clause.act is Act.UNSTACK and entity.kind == "stack"
+        return whole or entity.kind == "list" or entity.every or (entity.number or 1) > 1
 
     # ---- Clauses without a verb, and such that nobody can carry out
 

@@ -260,7 +260,9 @@ class SelfAnswers(ABC):
         """Say how high a stack is, or how wide a thing is."""
         world = self.world
         tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
-        if re.search(r"\b(?:stack|tower|pile)\b", match[1]) or (match[1] in ("it", "that", "this") and tops):
+        if re.search(r"\b(?:stack|tower|pile)\b", match[1]) or (
+            tops and re.fullmatch(r"(?:it|that|this)(?: now)?", match[1])
+        ):
             stacks = [world.column(world.things[i].x, world.things[i].y) for i in tops]
             self.things = max(stacks, key=len, default=[])
             return f"it is {len(self.things)} high: {self.names(self.things[::-1])}" if stacks else "there is no stack"

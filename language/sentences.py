@@ -17,10 +17,12 @@ from language.verbs import KNOWN, Act
 MOST_PLACES = 3  # relations that are joined to one place
 MOST_JOINED = 16  # of the places, and of the relations after each, that are joined
 MOST_CLAUSES = 8
+MOST_LISTED = 5  # things that are added to the first one of a list
 MOST_COST = 16.0  # readings that cost more leave out most of the sentence
 KEPT_CLAUSES, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _BROUGHT = (Act.CARRY, Act.LOWER, Act.GIVE, Act.REMOVE, Act.STORE)
 PLACED = (*_BROUGHT, Act.TAKE, Act.HOLD, Act.OPERATE, Act.UNSTACK)  # with a place
+ARRANGED = (Act.BUILD, Act.GATHER)
 BARE = (Act.OPEN, Act.SHUT, Act.OPERATE, Act.GIVE, Act.TAKE, Act.UNSTACK, Act.TIDY, Act.EMPTY)  # without an object
 
 
@@ -78,7 +80,7 @@ class _Sentences:
         self.chart, self.lattice = chart, chart.lattice
         self._clauses: dict[int, list[Item]] = {}
         self._placed: dict[int, list[Item]] = {}
-        self._objects: dict[int, list[Item]] = {}
+        self._objects: dict[tuple[int, bool], list[Item]] = {}
 
     def likeliest(self) -> list[Reading]:
         """Return the readings of the least cost."""
@@ -233,13 +235,14 @@ class _Sentences:
 
     def _ordered(self, item: Item) -> list[Item]:
         """Return the clause with the order in which it is done to several things: "touch them | starting with X"."""
-        entity = item.value.entity
-        if item.value.verb is None or entity is None or not (is_several(entity) and self.lattice.table):
+        entity, act = item.value.entity, item.value.act
+        if act is None or entity is None or not (act in ARRANGED or (is_several(entity) and self.lattice.table)):
             return []
         found = []
         for edge in self.lattice.get(item.end + (self.lattice.text(item.end) in (",", "and")), "order"):
-            for first in self.objects(edge.end):
-                order = RelationPhrase("order", (first.value,), value=edge.value, span=(edge.end, first.end))
+            for first in self.objects(edge.end, True) if edge.value != "reversed" else [Item(edge.end, None, 0.0)]:
+                parts = tuple(filter(None, (first.value,)))
+                order = RelationPhrase("order", parts, value=edge.value, span=(edge.end, first.end))
                 clause = replace(item.value, places=(*item.value.places, order))
                 more = Item(first.end, clause, item.cost + first.cost, item.skipped | first.skipped)
                 found += [more, *self._ordered(more)]
@@ -258,21 +261,22 @@ class _Sentences:
                 found.append(Item(place.end, clause, total, item.skipped | place.skipped))
         return found
 
-    def objects(self, start: int) -> list[Item]:
-        """Return the phrases for things that begin at a token, and on a table lists of them: "X, Y and Z"."""
-        if start not in self._objects:
+    def objects(self, start: int, lists: bool = False) -> list[Item]:
+        """Return the phrases for things that begin at a token, and lists of them: "X, Y and Z"; on a board if asked."""
+        lists = lists or self.lattice.table
+        if (start, lists) not in self._objects:
             found = layer = [
                 item  # "you" act, and are not moved
                 for item in self.chart.entities(start)
                 if not (self.lattice.table and item.value.kind == "robot" and self.lattice.text(item.end - 1) == "you")
             ]
-            for _ in range(5 if self.lattice.table else 0):
+            for _ in range(MOST_LISTED if lists else 0):
                 layer = _cheapest([more for item in layer for more in self._listed(item)], 3)
                 found = found + layer
                 if not layer:
                     break
-            self._objects[start] = found
-        return self._objects[start]
+            self._objects[start, lists] = found
+        return self._objects[start, lists]
 
     def _listed(self, item: Item) -> list[Item]:
         """Return the lists with one more thing."""
@@ -298,8 +302,12 @@ class _Sentences:
         act = KNOWN[verb].act
         if act is Act.NEVER:
             return [*self._never(verb, at, start), *self._thrown(verb, at, start)]
-        if act is Act.BUILD:
-            return self._building(verb, at, start)
+        if act in ARRANGED:
+            built = self._building(verb, at, start)
+            pairs = [(i, place) for i in built for place in self.places(i.end)]
+            return built + [
+                Item(p.end, replace(i.value, places=p.value), i.cost + p.cost, i.skipped | p.skipped) for i, p in pairs
+            ]
         found = [] if act is not Act.LOWER else [Item(at, Clause(verb, span=(start, at)), 0.0)]
         if act in BARE:
             found.append(Item(at, Clause(verb, span=(start, at)), costs.NO_OBJECT + 0.3))
@@ -340,10 +348,8 @@ class _Sentences:
             return found
         return found + [
             Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.9, i.skipped)
-            for i in self.objects(at)
-            if i.value.kind == "list"
-            or i.value.is_bare_plural
-            or (i.value.kind == "thing" and (i.value.number or 0) > 1)
+            for i in self.objects(at, True)
+            if (is_several(i.value) and i.value.kind != "stack") or i.value.plural
         ]
 
     def _tower(self, at: int) -> list[Item]:
@@ -362,7 +368,7 @@ class _Sentences:
                     after = edge.end
                     if self.lattice.text(after) in ("of", "from", "with", "using", "out", "consisting", ":"):
                         after += 1 + (self.lattice.text(after + 1) == "of")
-                        return [item._replace(cost=item.cost + first.cost) for item in self.objects(after)]
+                        return [item._replace(cost=item.cost + first.cost) for item in self.objects(after, True)]
         return []
 
     def _inverted(self, verb: str, begin: Item, start: int) -> list[Item]:

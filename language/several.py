@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
+
 from language import costs
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.movers import Movers
-from language.places import ONTO, _anywhere, _Wish, free_spot
-from language.spots import Spot
+from language.places import GRID, ONTO, SHARES, _anywhere, _Wish, free_spot
+from language.spots import Spot, a_name
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, at_a_mark, beside, obstacle, off_table
 from language.verbs import Act, doing
 from language.world import WorldModel
@@ -112,7 +115,12 @@ class Several(Movers):
         if not things or (wanted and len(things) < wanted and not entity.every):
             return replace(plan, failure=f"{len(things)} things fit", reason="nothing", entity=entity)
         if act is Act.UNSTACK:
-            things = [i for i in things if world.below[i] is not None] or things
+            things = self._on_others(plan, entity, things)
+            tops = tuple(tower[-1] for tower in towers_of(world, things))
+            if entity.kind == "stack" and len(tops) > 1 and not (entity.every or entity.plural):
+                return replace(plan, failure="several", reason="several", entity=entity, candidates=tops)
+            if entity.kind == "stack" and not tops:
+                return replace(plan, failure="nothing stands on another thing: there is no tower", reason="impossible")
         if wanted and entity.every and len(things) > wanted and entity.noun is None and not entity.colors:  # "both"
             spoken = [i for i in things if i in (*plan.it, *plan.mentioned)]
             few = 0 < len(spoken) < wanted and act not in BOXES  # it asks which
@@ -126,23 +134,47 @@ class Several(Movers):
             )
         return things
 
-    def _in_order(self, plan: Draft, things: list[int], orders: Sequence[RelationPhrase]) -> list[int] | Draft:
-        """Return the things in the order that is said: the phrase selects the first one, then among the rest."""
+    def _on_others(self, plan: Draft, entity: Entity, things: list[int]) -> list[int]:
+        """Return those of some things that stand on others: those of the tower that was spoken of, if one is meant."""
+        stacked = [i for i in things if plan.world.below[i] is not None] or things
+        spoken = [i for tower in towers_of(plan.world, things) if {*plan.it} & {*tower} for i in tower]
+        meant = [i for i in stacked if i in spoken] if entity.kind == "stack" and not entity.every else []
+        return meant or stacked
+
+    def _in_order(
+        self, plan: Draft, things: list[int], orders: Sequence[RelationPhrase], number: int | None = None
+    ) -> list[int] | Draft:
+        """Return the things in the order that is said: the phrases select the first, middle and last ones.
+
+        number: how many are wanted, those that are selected first.
+        """
         resolver = self.resolver(plan.world, plan.it, None, plan.mentioned, plan.box)
+        ends: dict[str, list[int]] = {"first": [], "middle": [], "last": []}
         for order in orders:
-            phrase = order.anchors[0]
-            selected: list[int] = []
+            if order.value == "reversed":
+                things = things[::-1]
+                continue
+            phrase, selected = order.anchors[0], ends["first" if order.value == "only" else order.value or "first"]
             for part in phrase.parts or (phrase,):
-                left = [i for i in things if i not in selected]
+                left = [i for i in things if not any(i in end for end in ends.values())]
                 if not (found := resolver.among(part, left)):
                     return replace(plan, failure="it is none of them", reason="nothing", entity=part)
                 while found:
                     selected.append(found[0])
                     left.remove(found[0])
-                    found = resolver.among(part, left) if left and not phrase.parts else []
-            rest = [i for i in things if i not in selected and order.value != "only"]
-            things = [*rest, *reversed(selected)] if order.value == "last" else [*selected, *rest]
-        return things
+                    repeats = left and not phrase.parts and number is None
+                    found = resolver.among(part, left) if repeats else []
+        rest = [i for i in things if not any(i in end for end in ends.values())]
+        rest = [] if any(order.value == "only" for order in orders) else rest
+        rest = rest if number is None else rest[: max(number - sum(map(len, ends.values())), 0)]
+        middle = max((len(rest) + sum(map(len, ends.values())) - 1) // 2 - len(ends["first"]), 0)
+        rest[middle:middle] = ends["middle"]
+        last = (
+            ends["last"]
+            if orders and any(each.anchors and each.anchors[0].parts for each in orders)
+            else ends["last"][::-1]
+        )
+        return [*ends["first"], *rest, *last]
 
     def _them(self, plan: Draft, act: Act | None, entity: Entity) -> list[int]:
         """Return the things of "them"; "all of them" are all that there are where none were spoken of."""
@@ -192,32 +224,156 @@ class Several(Movers):
         return Spot(thing.x, thing.y, thing.bottom, world.below[index] if box is None else box, 0.0)
 
     def _build(self, plan: Draft, clause: Clause) -> Draft:
-        """Return the plan that stacks things, the first one lowest."""
-        entity = clause.entity
+        """Return the plan that puts things on each other, the first one lowest, or in a row, the first one leftmost."""
+        clause, orders = without_orders(clause)
+        entity, stacks = clause.entity, clause.act is Act.BUILD
         if entity is None:
             return replace(plan, failure="it is not said what to stack", reason="where")
-        things = self._several(plan, clause, replace(entity, any=True) if entity.number else entity)
+        chosen = entity.number is not None and bool(orders)
+        phrase = replace(entity, any=True) if entity.number else entity
+        phrase = replace(entity, every=True, number=None) if chosen else phrase
+        old = self._former(plan) if stacks and entity.kind == "it" else []
+        things = old or self._several(plan, clause, phrase)
         if isinstance(things, Draft):
             return things
-        stacks = clause.act is Act.BUILD
         if stacks and entity.is_bare_plural and not plan.arbitrary and len(things) > 2 and plan.world.flat_only:
             return replace(plan, failure="several", reason="several", entity=entity, candidates=tuple(things))
-        if stacks and len(things) > 2 and plan.world.flat_only:
-            failure = f"a stack of {len(things)} is too high: I put one cube on another, and nothing on top of that"
+        if entity.kind != "list" and not old:
+            things.sort(key=lambda i: self._rank(plan.world, i, stacks))
+        ordered = self._in_order(plan, things, orders, entity.number if chosen else None)
+        if isinstance(ordered, Draft):
+            return ordered
+        if stacks and len(ordered) > 2 and plan.world.flat_only:
+            failure = f"a stack of {len(ordered)} is too high: I put one cube on another, and nothing on top of that"
             return replace(plan, failure=failure, reason="impossible", entity=entity)
-        if len(things) < 2:
+        if len(ordered) < 2:
             return replace(
                 plan, failure=f"a {'stack' if stacks else 'row'} needs two things", reason="impossible", entity=entity
             )
-        if entity.kind != "list":
-            things.sort(key=lambda i: plan.world.above[i] is not None)
+        done = (self._stacked if stacks else self._lined)(plan, ordered, clause.places)
+        arbitrary = plan.arbitrary or bool(entity.number)
+        return replace(done, cost=plan.cost, it=tuple(ordered), arbitrary=arbitrary, topic=None)
+
+    def _rank(self, world: WorldModel, index: int, stacks: bool) -> tuple[float, ...]:
+        """Return what sorts things whose order is not said: by the tower they are in, or from left to right."""
+        thing = world.things[index]
+        dx, dy = world.toward("left")
+        if not stacks:
+            return -(dx * thing.x + dy * thing.y), thing.bottom
+        column = world.column(thing.x, thing.y) if world.is_loose(index) and index not in world.inside else []
+        return -len(column) if len(column) > 1 else 0, thing.x, thing.y, thing.bottom
+
+    def _former(self, plan: Draft) -> list[int]:
+        """Return the tower that is there, the lowest first, or the one that was taken apart last."""
+        world = plan.world
+        towers = [list(tower) for tower in towers_of(world, range(len(world.things)))]
+        below = {index: under for index, (_, _, under) in self.rests.items() if under is not None}
+        for base in set(below.values()) - set(below):  # a tower has a lowest thing, so that no cycle is followed
+            towers.append([base])
+            while (upper := next((i for i, under in below.items() if under == towers[-1][-1]), None)) is not None:
+                towers[-1].append(upper)
+        return max(towers, key=len, default=[])
+
+    def _cleared(self, plan: Draft, index: int) -> Draft:
+        """Return the plan with nothing on a thing."""
+        while (over := plan.world.above[index]) is not None and not plan.failure:
+            while (upper := plan.world.above[over]) is not None:
+                over = upper
+            plan = self._aside(plan, over, f"I put {a_name(plan.world, over)} on the table first")
+        return plan
+
+    def _stacked(self, plan: Draft, things: Sequence[int], places: tuple[RelationPhrase, ...]) -> Draft:
+        """Return the plan with things on each other, the lowest first. places: where the tower stands."""
+        before, base = len(plan.steps), things[0]
+        plan = self._ready(plan, base)
+        if places or not plan.world.is_on_ground(base):
+            plan = self._cleared(plan, base)
+            plan = self._placed_once(plan, base, places or ON_TABLE)
         for below, index in pairwise(things):
-            place = RelationPhrase("on" if stacks else "near", (Entity(pointed=Gesture((below,))),))
-            found = list(self._handled(replace(plan, mover=index), Clause(CARRY, None, (place,)), index))
-            plan = min(found, key=lambda done: (bool(done.failure), done.cost))
-            if plan.failure:
-                return plan
-        return replace(plan, it=tuple(things), arbitrary=plan.arbitrary or bool(entity.number), topic=None)
+            if plan.world.above[below] == index or plan.failure:
+                continue
+            plan = self._cleared(self._cleared(plan, below), index)
+            plan = self._placed_once(plan, index, (RelationPhrase("on", (Entity(pointed=Gesture((below,))),)),))
+        if not plan.failure:
+            plan = self._cleared(plan, things[-1])
+        if len(plan.steps) == before and not plan.failure:
+            return replace(plan, failure="they stand on each other like that already", reason="already")
+        return plan
+
+    def _placed_once(self, plan: Draft, index: int, places: tuple[RelationPhrase, ...]) -> Draft:
+        """Return the best plan that puts a thing somewhere."""
+        if plan.failure:
+            return plan
+        found = list(self._handled(replace(plan, mover=index), Clause(CARRY, None, places), index))
+        return min(found, key=lambda done: (bool(done.failure), done.cost))
+
+    def _lined(self, plan: Draft, things: Sequence[int], places: tuple[RelationPhrase, ...]) -> Draft:
+        """Return the plan of a straight row from left to right, or along a side from the front to the back."""
+        first = self._placed_once(plan, things[0], places) if places else plan
+        if first.failure:
+            return first
+        among = things[:1] if places else things
+        x = sum(first.world.things[i].x for i in among) / len(among)
+        y = sum(first.world.things[i].y for i in among) / len(among)
+        sides = {side for place in places for anchor in place.anchors for side in anchor.sides}
+        dx, dy = plan.world.toward("back" if sides & {"left", "right"} else "right")
+        spots = row_spots(plan.world, things, (x, y), (dx, dy), bool(places))
+        if not spots:
+            return replace(plan, failure="there is no room for a row", reason="impossible")
+        for index, (x, y) in zip(things, spots, strict=True):
+            if plan.world.is_on_ground(index) and math.dist(plan.world.things[index][2:4], (x, y)) < 1e-6:
+                continue
+            plan = self._cleared(plan, index)
+            plan = self._placed_once(
+                plan, index, (RelationPhrase("here", (Entity("spot", pointed=Gesture((), (x, y))),)),)
+            )
+        return plan
+
+
+def towers_of(world: WorldModel, things: Sequence[int]) -> list[tuple[int, ...]]:
+    """Return the towers, the lowest thing first, to which some things belong."""
+    columns = [tuple(world.column(world.things[i].x, world.things[i].y)) for i in things]
+    return [column for column in dict.fromkeys(columns) if len(column) > 1]
+
+
+def row_spots(
+    world: WorldModel,
+    things: Sequence[int],
+    at: tuple[float, float],
+    toward: tuple[float, float],
+    fixed: bool,
+) -> list[tuple[float, float]]:
+    """Return x and y of things in a straight row; [] if there is no room.
+
+    at: where it begins, if fixed, or else its middle, as near as possible. toward: unit vector from the first to the
+    last. fixed: whether the row stays on the line through the place.
+    """
+    (x0, x1, y0, y1), (dx, dy) = world.bounds, toward
+    width = max(world.things[i].width for i in things)
+    step, grid = (world.pitch, 1.0) if world.cells else (SHARES[False][0] * width + GRID, GRID)
+    others = [
+        i for i in range(len(world.things)) if i != world.held and i not in world.inside and world.below[i] is None
+    ]
+    others = [i for i in others if world.is_loose(i) or world.covers(*world.things[i][2:4])]
+    length = step * (len(things) - 1)
+    xs, ys = (np.arange(a, b + 1e-6, grid) for a, b in ((x0, x1), (y0, y1)))
+    xs, ys = (xs if dx or not fixed else np.array(at[:1])), (ys if dy or not fixed else np.array(at[1:]))
+    start = at if fixed else (at[0] - dx * length / 2, at[1] - dy * length / 2)
+    begins = [(x, y) for x in xs.tolist() for y in ys.tolist() if world.covers(x + dx * length, y + dy * length)]
+    begins.sort(key=lambda each: math.dist(each, start))
+    rows = [[(x + dx * step * n, y + dy * step * n) for n in range(len(things))] for x, y in begins]
+    for clear in SHARES[world.cells]:
+        for row in rows:
+            if all(
+                _is_free(world, row[n], [i for i in others if i not in things[: n + 1]], clear) for n in range(len(row))
+            ):
+                return row
+    return []
+
+
+def _is_free(world: WorldModel, at: tuple[float, float], others: Sequence[int], clear: float) -> bool:
+    """Whether no other thing is nearer to a place than that many of its widths."""
+    return all(math.dist(at, world.things[i][2:4]) > clear * world.things[i].width - 1e-6 for i in others)
 
 
 def without_orders(clause: Clause) -> tuple[Clause, tuple[RelationPhrase, ...]]:

@@ -314,7 +314,8 @@ class Steps:
         if under is not None and not world.cells and act is Act.CARRY:
             yield from self._beneath(plan, clause, under, index)
         elif act in TAKING and not places:
-            if held and clause.entity is None and any(step.object == index for step in plan.steps):
+            spoken = clause.entity is None or clause.entity.kind == "it"
+            if held and spoken and any(step.object == index for step in plan.steps):
                 yield plan  # "grasp it, raise it"
             elif held:
                 yield replace(plan, failure=f"the gripper holds {a_name(world, index)} already", reason="impossible")

@@ -43,3 +43,17 @@ def test_an_order_that_begins_with_none_of_the_things_is_refused():
     assert isinstance(outcome, Refusal)
     assert "red ball" in outcome.text
     assert len(outcome.suggestions) == 2
+
+
+@pytest.mark.parametrize(
+    ("sentence", "order"),
+    [
+        ("go to all the balls one after the other, start with the one on the left", [BLUE, GREEN, RED]),
+        ("beginning with the red ball, touch every ball", [RED, BLUE, GREEN]),
+        ("touch each ball and finish with the blue one", [RED, GREEN, BLUE]),
+        ("reach for every ball, leaving the red one for last", [BLUE, GREEN, RED]),
+        ("go to the balls, first the green one, then the others", [GREEN, RED, BLUE]),
+    ],
+)
+def test_an_order_is_said_before_or_after_what_is_done(sentence, order):
+    test_several_things_are_reached_in_the_order_that_is_said(sentence, order)

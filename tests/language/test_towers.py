@@ -1,0 +1,144 @@
+"""Towers and rows whose order is said, on tables and boards, and towers that are taken apart."""
+
+import pytest
+
+from language import Answer, Dialogue, Object, Plan, Refusal, Scene, board, table
+
+NAMES = ("red", "green", "blue", "pink", "yellow")
+APART = [(2, 2, 0), (1, 5, 0), (5, 1, 0), (4, 6, 0), (6, 4, 0)]
+TOWER = [(2, 2, 0), (2, 2, 1), (2, 2, 2), (4, 6, 0), (6, 4, 0)]
+
+
+def on_board(cells=APART):
+    return board([("cube", color, *cell) for color, cell in zip(NAMES, cells, strict=True)], viewpoint="human")
+
+
+def on_table(cells=APART):
+    places = [(0.3 + 0.06 * x, -0.25 + 0.07 * y, 0.025 + 0.05 * z) for x, y, z in cells]
+    return table(Scene([Object("cube", c, p) for c, p in zip(NAMES, places, strict=True)], "human"))
+
+
+WORLDS = pytest.mark.parametrize("world", [on_board, on_table])
+
+
+def after(sentences, world):
+    dialogue, outcome = Dialogue(), None
+    for sentence in sentences.split(" / "):
+        outcome = dialogue.answer(sentence, world)
+        world = dialogue.now
+    assert isinstance(outcome, Plan), outcome
+    return world
+
+
+def tower(world, base):
+    thing = world.things[NAMES.index(base)]
+    return [NAMES[i] for i in world.column(thing.x, thing.y)]
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    ("sentence", "order"),
+    [
+        ("green at the bottom, then red, then blue on top", "green red blue"),
+        ("build a tower: blue on top, under it pink, and red at the very bottom", "red pink blue"),
+        ("make a tower with a yellow base, green in the middle and a red top", "yellow green red"),
+        ("from top to bottom: blue, green, red", "red green blue"),
+        ("stack up the yellow, the pink and the red cube, from the bottom up", "yellow pink red"),
+        ("could you make a stack with pink on top of blue on top of yellow", "yellow blue pink"),
+        ("build a tower of three cubes, red first and then pink and blue", "red pink blue"),
+        ("i want a tower where blue is the lowest, then comes pink, and red is the highest", "blue pink red"),
+    ],
+)
+def test_a_tower_is_built_in_the_order_that_is_said(world, sentence, order):
+    lowest = order.split()[0]
+    assert tower(after(sentence, world()), lowest) == order.split()
+
+
+@WORLDS
+def test_a_tower_of_some_cubes_has_the_said_ones_at_its_ends(world):
+    built = tower(after("build a tower of three cubes with the pink one at the bottom", world()), "pink")
+    assert len(built) == 3
+    built = tower(after("stack all the cubes, the yellow one at the bottom and the blue one on top", world()), "yellow")
+    assert len(built) == 5
+    assert built[-1] == "blue"
+
+
+@WORLDS
+def test_a_tower_is_turned_upside_down_by_moving_its_cubes(world):
+    assert tower(after("turn the tower upside down", world(TOWER)), "blue") == ["blue", "green", "red"]
+    sentences = "take the tower apart / and build it the other way round, with the red one on top"
+    assert tower(after(sentences, world(TOWER)), "blue") == ["blue", "green", "red"]
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    "sentence", ["take the tower apart", "unstack everything", "dismantle it all", "tear down the tower, one by one"]
+)
+def test_a_tower_is_taken_apart_to_the_last_cube(world, sentence):
+    world = after(sentence, world(TOWER))
+    assert all(below is None for below in world.below)
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    ("sentence", "order"),
+    [
+        ("build me a row of red, blue and green along the front edge, from left to right", "red blue green"),
+        ("make a row with pink on the left, red in the middle and yellow on the right", "pink red yellow"),
+        ("line up red, green and blue from right to left", "blue green red"),
+    ],
+)
+def test_a_row_is_straight_and_in_the_order_that_is_said(world, sentence, order):
+    world = after(sentence, world())
+    row = [world.things[NAMES.index(name)] for name in order.split()]
+    assert len({round(thing.x, 3) for thing in row}) == 1
+    assert [thing.y for thing in row] == sorted(thing.y for thing in row)  # a person's right is the robot's left
+    if "front" in sentence:
+        assert row[0].x == world.bounds[1]
+
+
+@WORLDS
+def test_a_row_or_tower_of_nothing_that_is_there_is_refused(world):
+    assert isinstance(Dialogue().answer("build a tower with black at the bottom and red on top", world()), Refusal)
+    assert isinstance(Dialogue().answer("make a row of black and white", world()), Refusal)
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        "how many cubes high is the tower?",
+        "how tall is the tower",
+        "of how many cubes is the tower made?",
+        "how high is it now?",
+        "tell me the height of the stack",
+        "how many levels does the tower have?",
+    ],
+)
+@WORLDS
+def test_the_height_of_a_tower_is_told_in_cubes(world, question):
+    outcome = Dialogue().answer(question, world(TOWER))
+    assert isinstance(outcome, Answer)
+    assert outcome.text == "It is 3 high: the blue cube, the green cube and the red cube."
+
+
+def test_the_topmost_cube_is_taken_and_kept():
+    for sentence in ("pick up the cube at the top", "pick up the cube at the top and just hold it in the air"):
+        outcome = Dialogue().answer(sentence, on_table(TOWER))
+        assert isinstance(outcome, Plan)
+        assert [NAMES[step.object] for step in outcome.steps] == ["blue"]
+
+
+@WORLDS
+@pytest.mark.parametrize("words", ["and one more", "once more", "and one more time"])
+def test_one_more_is_the_same_step_again(world, words):
+    dialogue, world = Dialogue(), world()
+    dialogue.answer("move the pink cube a bit to the left", world)
+    first, before = dialogue.now.things[3].y, world.things[3].y
+    assert isinstance(dialogue.answer(words, dialogue.now), Plan)
+    assert dialogue.now.things[3].y - first == pytest.approx(first - before, abs=0.011)
+
+
+@WORLDS
+def test_something_on_top_of_that_is_put_there_after_a_question(world):
+    for question in ("", " / which one is at the top?"):
+        assert len(tower(after(f"put red on blue{question} / and the green one on top of that", world()), "blue")) == 3
