@@ -47,6 +47,8 @@ _OPERATED = {
     "up": 0,
     "off": 0,
 }
+_GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to")  # a phrase that ends so is not whole
+_SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
 _BEST = r"\b(?:closest|nearest|farthest|furthest|most)\b"
 _GRIPPER = r"\b(?:gripper|your hand|claw|your fingers|you)\b"
 
@@ -80,6 +82,9 @@ class Questions(SelfAnswers):
         """Return the answer in a sentence; None if it is not known."""
         asked = re.sub(
             r" (?:still|currently|actually|right now|at moment|presently)\b(?! (?:open|closed|there))", "", asked
+        )
+        asked = re.sub(
+            r"^what (?:do|have) (?:you|we) (?:have|got|keep) (?=(?:in|inside|on|under) (?!your|my))", "what is ", asked
         )
         asked = re.sub(rf"\b(round|square) ({COLOR}) (?=(?:thing|one|object)s?\b)", r"\2 \1 ", asked)
         for kind, pattern in questions():
@@ -257,17 +262,7 @@ class Questions(SelfAnswers):
             if re.search(r" (?:is|are|have|has|contains?|holds?)\b", head) and "that" not in head:
                 continue
             joint = re.match(rf"(?:(?:{_BE}|both|not) )+", f"{rest} ")
-            if words[cut] in ("of", "and", "or", ",") or words[cut - 1] in (
-                "of",
-                "and",
-                "or",
-                "a",
-                "not",
-                ",",
-                "in",
-                "on",
-                "to",
-            ):
+            if words[cut] in ("of", "and", "or", ",") or words[cut - 1] in _GOES_ON:
                 continue
             stated = self.predicate(
                 rest[joint.end() :] if joint and "not" not in joint[0] else re.sub(rf"^{_BE} ", "", rest)
@@ -293,6 +288,9 @@ class Questions(SelfAnswers):
             return f"{'yes' if (self.world.held is None) == ('full' not in text) else 'no'}: {holds(self.world)}"
         if re.match(r"table\b.*\bempty", text):
             return f"no: {seen(self.world)}"
+        either = re.fullmatch(rf"(.+?) (?:to )?{_SIDE} (?:of )?or (?:to )?{_SIDE}(?: of)? (.+)", text)
+        if either and (said := self._either(either)):
+            return said
         found = self.split(re.sub(r" or (?!not\b).*$", "", text) if " , " not in text else text.split(" , ")[0])
         if found is None:
             return self.exists(match)
@@ -311,7 +309,24 @@ class Questions(SelfAnswers):
         every = re.search(r"\b(?:both|all|every|and|each)\b", match[0]) is not None
         yes = len(fits) == len(things) if every else bool(fits)
         self.things = (fits if fits and not every else things)[:3]
-        return f"{'yes' if yes else 'no'}: {'; '.join(self._told(i, stated.about) for i in self.things)}"
+        told = "; ".join(self._told(i, stated.about) for i in self.things)
+        return told if re.search(r" or (?!not\b)", text) else f"{'yes' if yes else 'no'}: {told}"
+
+    def _either(self, match: re.Match[str]) -> str | None:
+        """Say which of two is so: "is the red one left or right of the yellow one?"."""
+        subject, *sides, other = match.groups()
+        told = None
+        for side in (f"{each} of" if each in ("left", "right", "in front") else each for each in sides):
+            found = self.split(f"{subject} {side} {other}")
+            things = [i for i in found[0] if self.world.is_loose(i)] if found else []
+            if found is None or len(things) != 1:
+                return None
+            if found[1].holds(things[0]):
+                beside = self.names(self.subject(other) or [])
+                self.things = things
+                return f"{self.names(things)} is {side} {beside}"
+            told = self._told(things[0], "place")
+        return told
 
     def exists(self, match: re.Match[str]) -> str | None:
         """Say whether something of the kind is there."""

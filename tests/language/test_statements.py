@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from language import Answer, Dialogue, Plan, Question, Refusal, Signal
-from tests.helpers.room_cases import BLUE, DRAWER, RED, YELLOW, room
+from tests.helpers.room_cases import BLUE, BUTTON, DRAWER, LEVER, RED, YELLOW, room
 
 
 def after(*turns, world=None, ending=""):
@@ -154,10 +154,31 @@ def test_what_was_stopped_goes_on(said):
         ("are you a real robot or is this just a simulation?", "simulated"),
         ("did you close it again?", "No"),
         ("what does the red cube stand on?", "on the table"),
+        ("is the red cube left or right of the yellow one?", "The red cube is left of the yellow cube"),
+        ("is the drawer open or closed?", "The blue drawer is open"),
+        ("what do you have in the drawer?", "Nothing is in drawer"),
     ],
 )
 def test_a_question_is_answered_by_what_is_so(asked, words):
     assert words in after("open the drawer", asked).text
+
+
+def test_the_top_of_a_tower_is_the_highest_thing():
+    turns = "put the red cube on the blue one", "is the red cube at the top?"
+    assert after(*turns).text.startswith("Yes")
+    assert after(turns[0], "is blue at the top of the tower?").text.startswith("No")
+    outcome = after(turns[0], "pick up the topmost cube")
+    assert [step.object for step in outcome.steps] == [RED]
+
+
+def test_what_would_look_nicer_is_a_wish():
+    outcome = after("it would look nicer if the red cube stood on the blue one")
+    assert [(step.verb, step.object, step.goal) for step in outcome.steps][-1] == ("stack", RED, BLUE)
+
+
+def test_a_list_after_all_of_something_names_each_once():
+    outcome = after("press all of these controls: button and lever", world=room(moved={}))
+    assert [(step.verb, step.object) for step in outcome.steps] == [("press", BUTTON), ("switch", LEVER)]
 
 
 def test_what_is_under_a_thing_is_named_as_such():
