@@ -190,7 +190,7 @@ def _level(segment: str) -> tuple[str, bool, str]:
         for name, words in table.items()
     ]
     for name, words, vertical in levels:
-        if match := re.fullmatch(rf"{words} {_IS}(\w.*)|(.*?\w) {_IS}{words}", plain):
+        if match := re.fullmatch(rf"{words}(?! of\b) {_IS}(\w.*)|(.*?\w) {_IS}{words}", plain):
             thing = _LEAD.sub("", match[1] or match[2], count=1)
             return name, vertical, re.sub(rf" {_IS.replace(') )*', '))*')}$", "", thing)
     return "", False, plain

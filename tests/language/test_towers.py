@@ -36,6 +36,11 @@ def tower(world, base):
 
 
 @WORLDS
+def test_a_thing_on_top_of_another_is_no_list_of_two(world):
+    assert tower(after("red cube, on top of the blue cube", world()), "blue") == ["blue", "red"]
+
+
+@WORLDS
 @pytest.mark.parametrize(
     ("sentence", "order"),
     [
