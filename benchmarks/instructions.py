@@ -13,7 +13,7 @@ import argparse
 import json
 import sys
 from collections import Counter, defaultdict
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -91,9 +91,7 @@ class SetRunner:
         outcome = dialogue.answer(turn["say"], world)
         if "plan" in turn:
             steps = given_steps(turn["plan"], world, ids)
-            after = world
-            for step in steps:
-                after = after.after(step)
+            after = reduce(WorldModel.after, steps, world)
             same = isinstance(outcome, Plan) and _objects(outcome.steps) == _objects(steps)
             reading = outcome.reading if same and isinstance(outcome, Plan) else reading_of(steps)
             dialogue.amend(Plan(turn["say"], 1.0, steps=steps, result=after, reading=reading), world)

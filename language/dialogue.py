@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 from language import costs
 from language.acts import ABLE, IDLE, SAME, Part, act_of, parts_of, proposal, question, says, times
@@ -98,8 +99,8 @@ class Dialogue(Conditions):
             return signal
         if strange := foreign(words, vocabulary()):
             return Refusal(sentence, span=span, reason="language", text=strange, suggestions=offers(world))
-        if (stated := self._stated(sentence, parts)) is not None:
-            return stated
+        if (chat := self._stated(sentence, parts)) is not None:
+            return chat
         text = _without_idle(sentence, parts)
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Answer(sentence, 1.0, (), span, text=f"All right, I do nothing. {_NEXT}")
@@ -107,7 +108,9 @@ class Dialogue(Conditions):
             return replace(told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
             return self._unknown(sentence, words)
-        outcome = replace(self._restored(text) or self._raised(text) or self._command(text, made), sentence=sentence)
+        plain = " ".join(token.text for token in scan(text) if token.text not in ".,!?")
+        found = self._restored(text, plain) or self._raised(text, plain) or self._command(text, made)
+        outcome = replace(found, sentence=sentence)
         if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
             return outcome
         return self._aside(sentence, parts, outcome) or outcome
@@ -115,9 +118,9 @@ class Dialogue(Conditions):
     def _stated(self, sentence: str, parts: list[Part]) -> Answer | None:
         """Return the answer to a sentence that only says how something is, or what has happened."""
         kind = stated(parts)
-        known = Questions(self.now, self.planner(), self.turns)
         if not kind or (kind == "opinion" and self.open_question() is not None):
             return None
+        known = Questions(self.now, self.planner(), self.turns)
         told = known.account() if kind == "event" else ""
         if not told:
             return _social(sentence, self.now)
@@ -267,9 +270,7 @@ class Dialogue(Conditions):
         if done is None:
             return self._nothing(sentence, "undo")
         steps = restoring(world, done.world, [step.object for step in getattr(done.outcome, "steps", ())])
-        result = world
-        for step in steps:
-            result = result.after(step)
+        result = reduce(WorldModel.after, steps, world)
         still = [i for i in world.devices if abs(result.moved.get(i, 0.0) - done.world.moved.get(i, 0.0)) > 0.5]
         if still and not steps:
             text = f"I cannot undo that: {name(world, still[0])} stays down"

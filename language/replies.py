@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 from language import costs
 from language.meanings import Clause, Entity, Reading, RelationPhrase
@@ -88,9 +89,12 @@ class Replies(Memory):
         restore = reply.rejects and (clause.entity is not None or world.cells)
         return self._tried(sentence, revised(self.last, reply), found, restore)
 
-    def _restored(self, sentence: str) -> Outcome | None:
-        """Return the outcome of "everything back to how it was in the beginning", or of a thing back to there."""
-        text, world = " ".join(token.text for token in scan(sentence) if token.text not in ".,!?"), self.now
+    def _restored(self, sentence: str, text: str) -> Outcome | None:
+        """Return the outcome of "everything back to how it was in the beginning", or of a thing back to there.
+
+        text: the words of the sentence.
+        """
+        world = self.now
         first = _AS_FIRST.search(text)
         if not first and not _ALL_BACK.match(text):
             return None
@@ -110,15 +114,16 @@ class Replies(Memory):
         what = name(world, only[0]) if len(only) == 1 else "everything"
         if not steps:
             return Answer(sentence, 1.0, text=f"{what.capitalize()} is where it was at first{note and f', but {note}'}")
-        result = world
-        for step in steps:
-            result = result.after(step)
+        result = reduce(WorldModel.after, steps, world)
         notes = (f"I put {what} back to where it was at first", *([note] if note else []))
         return Plan(sentence, 1.0, (), (0, len(sentence)), steps=steps, result=result, notes=notes)
 
-    def _raised(self, sentence: str) -> Outcome | None:
-        """Return the refusal of "a bit higher": a thing is held at one height, or none is held."""
-        text, world = " ".join(token.text for token in scan(sentence) if token.text not in ".,!?"), self.now
+    def _raised(self, sentence: str, text: str) -> Outcome | None:
+        """Return the refusal of "a bit higher": a thing is held at one height, or none is held.
+
+        text: the words of the sentence.
+        """
+        world = self.now
         height = _HEIGHT.match(text)
         if height is None or world.only is not None or self.open_question() is not None:
             return None

@@ -240,16 +240,10 @@ class SelfAnswers(ABC):
 
     def shape(self, match: re.Match[str]) -> str | None:
         """Say which shape things have."""
-        things = self.subject(match[1])
-        shown = [f"{self.names([i])} is a {self.world.things[i].kind}" for i in (things or ())[:3]]
+        kinds = [(i, self.world.things[i].kind) for i in (self.subject(match[1]) or [])[:3]]
         round_ = GROUPS["round"]
-        return (
-            "; ".join(
-                f"{each}, {'round' if self.world.things[i].kind in round_ else 'not round'}"
-                for each, i in zip(shown, things or (), strict=False)
-            )
-            or None
-        )
+        told = (f"{self.names([i])} is a {kind}, {'' if kind in round_ else 'not '}round" for i, kind in kinds)
+        return "; ".join(told) or None
 
     def shown(self, match: re.Match[str]) -> str | None:
         """Say what a gesture shows."""
