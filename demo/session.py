@@ -215,8 +215,7 @@ class Session:
     def _obey(self, signal: Signal) -> Signal:
         """Goes home, or goes on with what was stopped. Returns the signal with what is done. Raises LanguageError."""
         if signal.control == "home":
-            self._return.start()
-            self._goes_home = True
+            self._go_home()
             self.view.status = "Going back to the rest position."
             return replace(signal, text="I go back to my rest position")
         if self.busy:
@@ -328,6 +327,11 @@ class Session:
         self.hand_target = np.clip(place, low, high)
 
     # ---- Subtasks
+
+    def _go_home(self) -> None:
+        """Let the gripper return to its rest position."""
+        self._return.start()
+        self._goes_home = True
 
     @property
     def arm(self) -> SafeArm | None:
@@ -532,6 +536,8 @@ class Session:
             self._start_next()
             return
         self._end(f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}.")
+        if ending == "success" and self._dialogue.homeward:
+            self._go_home()
 
     def close(self) -> None:
         """Closes the environment."""

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
 
-from language.lattice import STRANGERS, spellings
+from language.costs import SPELLING
+from language.lattice import STRANGERS, spellings, vocabulary
 from language.normalise import plain_start
 from language.scanning import Token, scan, verb_words
-from language.words import CONTROLS, TABLE, phrases
+from language.words import CONTROLS, TABLE, colors, nouns, phrases
 
 MARKS = ".,;:!?"
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
@@ -36,6 +37,7 @@ _ADVERBS = (
     "totally",
     "literally",
 )
+MOST_MISSPELT = 5  # words of a signal or a reply of which one may be misspelt
 NUMBERS = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 
 
@@ -68,9 +70,23 @@ def _plain(words: Iterable[str]) -> tuple[str, ...]:
     return tuple(re.sub(r"\b(?:stop|quit|cease) \w+ing\b(?: it| that)?$", "stop", text).split())
 
 
+@cache
+def _corrected(word: str) -> str:
+    """Return the word of a signal or a reply that is typed with one wrong letter; any other word as it is."""
+    said = {each for phrase in _phrases() for each in phrase if len(each) > 3}
+    if len(word) < 4 or word in vocabulary() or word in STRANGERS or word in said:
+        return word
+    near = [each for each in said if each[0] == word[0] and OSA.distance(each, word) == 1]
+    near = [each for each in near if (each,) in _phrases()] or near
+    close = {each for each, cost in spellings(word) if cost <= SPELLING}
+    named = {*colors(), *(noun for names in nouns().values() for noun in names)} & close
+    return near[0] if len(near) == 1 and not named else word
+
+
 def act_of(words: Sequence[str]) -> str | None:
     """Return what words do that consist of signals, replies and small talk; None if they say something else."""
     known, words = _phrases(), _plain(words[1:] if len(words) > 1 and words[0] == "and" else words)
+    words = words if len(words) > MOST_MISSPELT else tuple(map(_corrected, words))
     count = len(words)
     longest = max(map(len, known))
     best: list[tuple[int, tuple[str, ...]] | None] = [None] * count + [(0, ())]
@@ -145,6 +161,7 @@ _ASKING = re.compile(
     r" (?:two|three|both|more|several|many|all|another)\b"
     r"|^(?:help|help me|help please|i need help|commands|options|instructions|anything else)$"
     r"|^have you |^list "
+    r"|^(?:your|my) (?:left|right)\b.* or (?:mine|yours|my|your)\b|^(?:left|right) (?:from|as|for|of) .*\bwho"
     r"|^(?:can|could|would) you .* if i (?:asked|told|wanted|ask|tell|want)(?: you)?(?: to)?$"
     r"|^describe (?!how)|^(?:any(?! chance| way| possibility)|some|anything|something)\b"
     r"(?!.*\b(?:must|should|has to|goes?|put|needs?|belongs?)\b)"

@@ -23,6 +23,7 @@ from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.questions import Questions
 from language.remarks import command as command_word
+from language.replies import LITTLE
 from language.revising import further, opposite, partly_back, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.settling import Choices, choices, settled
@@ -46,7 +47,6 @@ _NEXT = "Say what I shall do next"
 
 
 _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
-LITTLE = {"bit", "little", "smidge", "smidgen", "tad", "touch", "hair", "notch"}
 IT_SHALL = re.compile(r"(?:please )?(?:do (?:it|so|that)|then do|please do|make it so)\W*$")
 _CERTAIN = re.compile(r"\b(?:the|those|these|all|both|two|three|four|my|your|please)\b", re.IGNORECASE)
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
@@ -76,11 +76,13 @@ class Dialogue(Conditions):
         if world is None:
             raise ValueError("the first sentence of a dialogue needs a scene")
         made = gestures(pointed, world)
-        self.world = world
+        homeward, self.world, self.homeward = self.homeward, world, False
         try:
             outcome = self._answer(sentence, made)
         except NotUnderstood as error:
             outcome = Refusal(sentence, span=(0, len(sentence)), text=str(error), suggestions=offers(world))
+        if not isinstance(outcome, Plan | Signal):  # the last plan goes on
+            self.homeward = homeward
         self.remember(outcome, world)
         return outcome
 
@@ -103,14 +105,19 @@ class Dialogue(Conditions):
             return chat
         text = _without_idle(sentence, parts)
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
-            return Answer(sentence, 1.0, (), span, text=f"All right, I do nothing. {_NEXT}")
+            return Signal(sentence, 1.0, (), span, control="stop", text=f"All right, I do nothing. {_NEXT}")
         if (told := self._asked(sentence, text, made)) is not None:
             return replace(told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
             return self._unknown(sentence, words)
+        text, homeward = _without_home(text)
         plain = " ".join(token.text for token in scan(text) if token.text not in ".,!?")
-        found = self._restored(text, plain) or self._raised(text, plain) or self._command(text, made)
+        found = self._restored(text, plain) or self._raised(text, plain) or self._nearer(text, plain)
+        found = found or self._command(text, made)
         outcome = replace(found, sentence=sentence)
+        if homeward and isinstance(outcome, Plan) and outcome.steps:
+            self.homeward = True
+            return replace(outcome, notes=(*outcome.notes, "after that I go back to my rest position"))
         if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
             return outcome
         return self._aside(sentence, parts, outcome) or outcome
@@ -160,6 +167,8 @@ class Dialogue(Conditions):
         if conditional is not None:
             return conditional
         words, same = self._without_same(normalised(text))
+        if not words:  # "hey there", which says nothing more
+            return _social(text, self.now)
         number, spent = times([token.text for token in words])
         words = [token for at, token in enumerate(words) if at not in spent]
         if number > 1 and act_of([token.text for token in words]) in ("yes", "again"):
@@ -192,6 +201,10 @@ class Dialogue(Conditions):
             return False
         if reply.rejects or not found.possible or self.open_question() is not None:
             return True
+        entity = reply.steps[0].entity
+        beside = [anchor.kind for each in getattr(entity, "relations", ()) for anchor in each.anchors]
+        if entity is not None and entity.colors and "it" in beside:  # "and the blue one next to it" says where
+            return False
         return found.possible[0].cost > reply.cost + (0.2 if self.turns else costs.NO_VERB)
 
     def _exact(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
@@ -468,10 +481,11 @@ def interpret(
 
 def _social(sentence: str, world: WorldModel) -> Answer:
     """Return the answer to small talk: to a greeting, thanks, a farewell, or anything else."""
-    if re.search(r"\bthan(?:k|x)", sentence.lower()):
+    thanks = re.search(r"\bthan(?:k|x)", sentence.lower()) is not None
+    if says(sentence, "farewells"):
+        return Answer(sentence, 1.0, text="You are welcome. Goodbye" if thanks else "Goodbye")
+    if thanks:
         text = "You are welcome"
-    elif says(sentence, "farewells"):
-        return Answer(sentence, 1.0, text="Goodbye")
     elif says(sentence, "greetings"):
         examples = " or ".join(repr(each) for each in offers(world))
         return Answer(sentence, 1.0, text=f"Hello! I am a robot arm. Say what I shall do, for example {examples}")
@@ -497,6 +511,16 @@ def _without_idle(sentence: str, parts: list[Part]) -> str:
             kept = "no" if corrects else ""
             sentence = f"{sentence[: part.start]}{kept.ljust(part.end - part.start)}{sentence[part.end :]}"
     return sentence
+
+
+def _without_home(sentence: str) -> tuple[str, bool]:
+    """Return a sentence without "and then go home" at its end, and whether it says so."""
+    tokens = [token for token in scan(sentence) if token.text not in ".!?"]
+    for at, token in enumerate(tokens[:-1]):
+        rest = [each.text for each in tokens[at + 1 :] if each.text not in (",", "and", "then")]
+        if token.text in (",", "and", "then", ";") and at and act_of(rest) == "home":
+            return sentence[: tokens[at - 1].end], True
+    return sentence, False
 
 
 def _without_small_talk(sentence: str, part: Part) -> str:

@@ -18,6 +18,7 @@ from language.scanning import Token, said, scan, verb_words
 from language.verbs import KNOWN, Act
 from language.words import FILLERS, TABLE, phrases
 
+DOUBLED = 0.5  # wrong letters that a double letter typed once, or a single one typed twice, counts as
 MOST_RELATIONS = 12  # tokens where a relation begins; commands that people wrote have up to 8
 TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "region": words.REGIONS,
@@ -279,13 +280,20 @@ def spellings(word: str) -> tuple[tuple[str, float], ...]:
 def _corrected(word: str) -> tuple[tuple[str, float], ...]:
     most = 1 if len(word) < 7 else 2
     found = process.extract(word, _choices(), scorer=OSA.distance, processor=None, score_cutoff=most, limit=None)
+    once = _undoubled(word)
     near = [
-        (known, cost + 0.3 * (known[0] != word[0]))
+        (known, cost * (DOUBLED if _undoubled(known) == once else 1.0) + 0.3 * (known[0] != word[0]))
         for known, cost, _ in found
         if cost < len(known) - 1 and (len(word) > 3 or known[0] == word[0])
     ]
     best = min((cost for _, cost in near), default=0.0)
-    return tuple((known, costs.SPELLING * cost) for known, cost in near if cost <= best + 0.3)[:8]
+    return tuple((known, costs.SPELLING * cost) for known, cost in near if cost <= max(best + 0.3, 1.0))[:8]
+
+
+@cache
+def _undoubled(word: str) -> str:
+    """Return a word with its double letters typed once."""
+    return re.sub(r"(.)\1", r"\1", word)
 
 
 @cache

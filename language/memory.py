@@ -33,7 +33,7 @@ class Memory:
     world: the scene after the last outcome. turns: oldest first. it: the things that were spoken of last.
     box: the container that was spoken of last. last: the reading of the last plan, question or refusal.
     surroundings: further fields of `WorldModel` for every scene, such as `bounds` and `little`.
-    body: what the robot is.
+    body: what the robot is. homeward: whether the arm goes back to its rest position after the last plan.
     """
 
     world: WorldModel | None = None
@@ -43,6 +43,7 @@ class Memory:
     last: Reading | None = None
     surroundings: dict[str, Any] = field(default_factory=dict)
     body: str = "a simulated robot arm, not a real one"
+    homeward: bool = False
 
     def remember(self, outcome: Outcome, world: WorldModel) -> None:
         """Add an outcome to the memory. world: before it."""

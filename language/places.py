@@ -128,7 +128,7 @@ def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) ->
     if name in ("near", "nearest"):
         return _around(world, mover, anchor)
     if anchor.things:
-        if name == "farthest":
+        if name == "farthest" or relation.measure is not None:  # nothing is two cells on a thing
             return []
         onto = None if world.things[anchor.things[-1]].target else anchor.things[-1]  # a see-through thing is a place
         return [Point(anchor.x, anchor.y, 0.0, onto)] if name in ONTO else []

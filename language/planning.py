@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 from language import costs
-from language.meanings import Clause, Entity, Reading, RelationPhrase
+from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.revising import only_verb, unfit
 from language.several import Several
 from language.steps import (
@@ -20,7 +21,6 @@ from language.steps import (
     Draft,
     different,
     finished,
-    without_stops,
 )
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 
@@ -51,7 +51,7 @@ class Planner(Several):
             else:
                 steps = reading.otherwise or (Clause(doing(Act.CARRY), negated=True, span=reading.condition.span),)
         steps = tuple(only_verb(clause, self.world.only) for clause in steps) if self.world.only else steps
-        found = self._sequence(without_stops(steps) * reading.times, last=True, arbitrary=reading.arbitrary)
+        found = self._sequence(_without_stops(steps) * reading.times, last=True, arbitrary=reading.arbitrary)
         forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
         return [self._allowed(finished(each), forbidden) for each in found]
 
@@ -249,6 +249,20 @@ def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:
         last = replace(plan.steps[-1], instruction=clause.instruction, several=clause.several)
         plan = replace(plan, steps=(*plan.steps[:-1], last))
     return replace(plan, last=clause)
+
+
+def _without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
+    """Return the clauses without putting down what the next one brings elsewhere: "take it down and give it to me"."""
+    kept = list(steps)
+    for at, (one, other) in enumerate(pairwise(steps)):
+        if one.entity is None or other.entity is None:
+            continue
+        shown = isinstance(one.entity.pointed, Gesture) and other.entity.pointed == one.entity.pointed
+        goes_on = (shown or other.entity.kind == "it") and other.act in (Act.GIVE, Act.CARRY, Act.STORE)
+        down = all(place.name == "direction" and place.value == "down" for place in one.places)
+        if goes_on and down and one.act in (Act.TAKE, Act.CARRY, Act.UNSTACK):
+            kept[at] = replace(one, verb=bringing("up"), places=(), instruction=None)
+    return tuple(kept)
 
 
 def _names_it(plan: Draft, clause: Clause) -> bool:

@@ -225,7 +225,8 @@ class Questions(SelfAnswers):
         ):
             on, other = (world.below, world.above) if " top" in plain else (world.above, world.below)
             whole = re.search(r"(?:top|bottom|stack|tower|pile)$", plain) is not None
-            return Predicate(lambda i: on[i] is not None and (other[i] is None or not whole), "place")
+            about = "place" if " top" in plain else "under"
+            return Predicate(lambda i: on[i] is not None and (other[i] is None or not whole), about)
         under = re.match(r"(?:under|below|beneath|underneath) (.*)", plain)
         if under and (upper := self.subject(under[1])):
             return Predicate(lambda i: any(world.below[j] == i for j in upper), "under")
@@ -410,8 +411,19 @@ class Questions(SelfAnswers):
         """Say how many things fit a phrase, or how many there are of which something is so."""
         text = re.sub(r"\b(?:are|is) there\b|\b(?:do|can) (?:you|we|i) (?:see|have|count|find)\b", "", match[1]).strip()
         text = re.sub(r" (?:have|has|there|you have|got|exist|here)(?= |$)", "", text)
+        if re.search(r"\b(?:would|could|if)\b", text):  # what is not so
+            return None
+        text = re.sub(r"^(?=(?:are|is|stand|lie|do|have)\b|$)", "things ", text)
         found = self.split(text)
         things = [i for i in found[0] if found[1].holds(i)] if found else self.refs(text)[1]
+        over = re.fullmatch(
+            rf"(?:(?:cubes|blocks|things|ones|of them|pieces) )?(?:{_BE} )*(?:on top of|on|above|over) (.*)", text
+        )
+        base = self.subject(over[1]) if over else None
+        if base and len(base) == 1 and self.world.is_loose(base[0]):  # all of the tower above it
+            x, y = self.world.things[base[0]].x, self.world.things[base[0]].y
+            tower = self.world.column(x, y)
+            things = tower[tower.index(base[0]) + 1 :] if base[0] in tower else []
         self.things = things
         if not things:
             return f"none: no {_plain(f'{found[2]} {found[3]}' if found else text)}"

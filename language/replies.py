@@ -8,18 +8,20 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 from language import costs
-from language.meanings import Clause, Entity, Reading, RelationPhrase
+from language.meanings import Clause, Entity, Measure, Reading, RelationPhrase
 from language.memory import Memory
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.revising import filled, is_unshown, pinned, restoring, revised, selecting
 from language.scanning import Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
+from language.several import towers_of
 from language.talk import name, offers, phrase
 from language.verbs import HERE, POINTING, Act
 from language.words import REGIONS
 from language.world import FIXED, WorldModel
 
+LITTLE = {"bit", "little", "smidge", "smidgen", "tad", "touch", "hair", "notch"}
 _FIRST = (  # at first
     r"(?:(?:(?:at|in|from|to|of|since)(?: very)? (?:start|beginning|outset|first)(?! \w+ (?:cube|block|one))\b"
     r"|originally|initially|at first"
@@ -51,6 +53,13 @@ _HEIGHT = re.compile(
     r"|further|up|down) )*(?P<side>higher|lower|high|low|up|upwards|to top)"
     r"(?: (?:up|down|please|now|a bit|a little|more|again|still|than that))*$"
 )
+_NEARER = re.compile(
+    r"^(?:(?:please|now|and|no|okay|but|just|then|can you|could you|go|move|bring|put|get|make|push|it|that|a|bit"
+    r"|little|tad|notch|touch|tiny|much|way|some|even|more|slightly|far|not|so|too|still|again) )*"
+    r"(?P<how>closer|nearer|(?:further|farther) (?:away|apart|off))"
+    r"(?: (?:together|to it|to that|from it|from that|please|now|a bit|a little|again|still|than that))*$"
+)
+_BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "nearest")  # places beside another thing
 
 
 @dataclass
@@ -87,7 +96,24 @@ class Replies(Memory):
         if world.held is not None and clause.entity is None and not world.cells:
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
         restore = reply.rejects and (clause.entity is not None or world.cells)
-        return self._tried(sentence, revised(self.last, reply), found, restore)
+        meant = revised(self.last, reply)
+        return self._tried(sentence, meant if reply.rejects else [self._higher(each) for each in meant], found, restore)
+
+    def _higher(self, reading: Reading) -> Reading:
+        """Return a reading whose place was said before, on a thing that bears another one since, as on top of that."""
+        *before, clause = reading.steps
+        place = next((each for each in clause.places if each.name == "on" and each.anchors), None)
+        said = (
+            [anchor for step in self.last.steps for each in step.places for anchor in each.anchors] if self.last else []
+        )
+        if place is None or not any(place.anchors[0] is anchor for anchor in said):
+            return reading
+        refs = self.planner().resolver(self.now, self.it, None).resolve(place.anchors[0])
+        over = self.now.above[refs[0].things[-1]] if refs and refs[0].things else None
+        if over is None or over not in self.it:
+            return reading
+        new = replace(place, anchors=(pinned(over),))
+        return replace(reading, steps=(*before, replace(clause, places=(new, *clause.places[1:]))))
 
     def _restored(self, sentence: str, text: str) -> Outcome | None:
         """Return the outcome of "everything back to how it was in the beginning", or of a thing back to there.
@@ -134,6 +160,36 @@ class Replies(Memory):
         if world.held is not None:
             why = f"{name(world, world.held)} cannot go {side}: I carry things at one height"
         return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=why, suggestions=offers(world))
+
+    def _nearer(self, sentence: str, text: str) -> Outcome | None:
+        """Return what comes of "a bit closer" after a thing was put beside another one; None of other words.
+
+        text: the words of the sentence.
+        """
+        match, done, world = _NEARER.match(text), self.done(), self.now
+        places = self.last.steps[-1].places if self.last is not None else ()
+        anchors = [each for place in places if place.name in _BESIDE for each in place.anchors if each.kind == "thing"]
+        steps = (
+            done.outcome.steps
+            if done is not None and any(turn is done for turn in self.turns[-3:]) and isinstance(done.outcome, Plan)
+            else ()
+        )
+        moved = [step.object for step in steps if step.carries and not step.implied]
+        if match is None or world.cells or world.held is not None or not moved or not anchors:
+            return None
+        refs = self.planner().resolver(world, (), None).resolve(anchors[-1])
+        if not refs or not refs[0].things or refs[0].things[-1] == moved[-1]:
+            return None
+        other, comes = refs[0].things[-1], match["how"] in ("closer", "nearer")
+        measure = Measure(1.0, "bit") if LITTLE & {*text.split()} else None
+        place = RelationPhrase("toward" if comes else "away", (pinned(other),), measure)
+        outcome = self._settle(sentence, Reading((Clause(CARRY, pinned(moved[-1]), (place,)),)))
+        if not isinstance(outcome, Refusal):
+            return outcome
+        told = (
+            f"{name(world, moved[-1])} is as {'close to' if comes else 'far from'} {name(world, other)} as I can put it"
+        )
+        return replace(outcome, reason="already", text=told, span=(0, len(sentence)))
 
     def _unshown(self, entity: Entity | None, found: Choices) -> bool:
         """Whether a phrase is "it" or "this one", and nothing is shown to which that could refer."""
@@ -271,7 +327,8 @@ class Replies(Memory):
         for reading in readings:
             for start, steps in self._starts(restore, back or self.now.cells):
                 planner = self.planner(world=start)
-                planner.mentioned = self.it
+                towers = [i for tower in towers_of(start, self.it[-1:]) for i in tower]
+                planner.mentioned = (*self.it, *(i for i in towers if i not in self.it))
                 outcome = settled(sentence, choices_of([reading], planner, found), planner)
                 if isinstance(outcome, Plan):
                     return replace(outcome, steps=(*steps, *outcome.steps))

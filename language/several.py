@@ -8,12 +8,13 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from language import costs
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.movers import Movers
 from language.places import GRID, ONTO, SHARES, _anywhere, _Wish, free_spot
-from language.spots import Spot, a_name
+from language.spots import Point, Spot, a_name, settle
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, at_a_mark, beside, obstacle, off_table
 from language.verbs import Act, doing
 from language.world import WorldModel
@@ -206,6 +207,10 @@ class Several(Movers):
         one, other = named
         first, second = (self._location(plan.world, each) for each in named)
         plan = self._ready(plan)
+        tower = plan.world.column(first.x, first.y) if one not in plan.world.inside else []
+        if other in tower and one in tower:
+            done = self._swapped_within(plan, tower[min(map(tower.index, named)) :], one, other)
+            return replace(done, cost=plan.cost, it=(one, other), topic=None)
         if not plan.world.inside.get(one) and plan.world.inside.get(other) is not None:
             one, other, first, second = other, one, second, first
         spot = free_spot(plan.world, one, [_Wish(plan.world.center[0], plan.world.center[1], _anywhere)])
@@ -218,6 +223,24 @@ class Several(Movers):
                 return plan
             plan = self._put(plan, Clause(CARRY), index, where)
         return replace(plan, cost=plan.cost - costs.MOVED_TWICE - 2 * costs.ANOTHER_OBJECT, it=(one, other), topic=None)
+
+    def _swapped_within(self, plan: Draft, tower: Sequence[int], one: int, other: int) -> Draft:
+        """Return the plan in which two things of a tower change places. tower: from the lower one of them up."""
+        base = self._location(plan.world, tower[0])
+        room = SHARES[plan.world.cells][0] * plan.world.things[tower[0]].width
+
+        def apart(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+            return np.hypot(x - base.x, y - base.y) >= room
+
+        for index in reversed(tower):
+            plan = self._put(plan, Clause(CARRY), index, free_spot(plan.world, index, [_Wish(base.x, base.y, apart)]))
+        plan = replace(plan, notes=())  # of the places where things stand meanwhile
+        swapped = [{one: other, other: one}.get(index, index) for index in tower]
+        plan = self._put(plan, Clause(CARRY), swapped[0], base)
+        for below, index in pairwise(swapped):
+            at = settle(plan.world, index, Point(base.x, base.y, 0.0, below))
+            plan = plan if plan.failure else self._put(plan, Clause(CARRY), index, at)
+        return plan
 
     def _location(self, world: WorldModel, index: int) -> Spot:
         thing, box = world.things[index], world.inside.get(index)

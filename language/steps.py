@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 
 from language import costs
@@ -299,13 +298,17 @@ class Steps:
             if act is Act.LOWER and not clause.places and world.below[index] is None and index not in world.inside:
                 yield replace(plan, failure="the gripper is empty", reason="impossible")
                 return
+            if act is Act.UNSTACK and not clause.places and world.is_on_ground(index) and not self._moved(plan, index):
+                failure = f"{a_name(world, index)} stands on no other thing"
+                yield replace(plan, failure=failure, reason="already", entity=None)
+                return
             plan = self._made_takeable(plan, index)
             if plan.failure:
                 yield plan
                 return
         places = self._places(clause, plan, index)
         board = places and all(anchor.kind == "board" for each in places for anchor in each.anchors or (Entity("it"),))
-        if board and not world.cells and world.is_on_ground(index) and any(s.object == index for s in plan.steps):
+        if board and not world.cells and world.is_on_ground(index) and self._moved(plan, index):
             yield plan  # it was put on the table by an earlier step
             return
         under = next(
@@ -315,7 +318,7 @@ class Steps:
             yield from self._beneath(plan, clause, under, index)
         elif act in TAKING and not places:
             spoken = clause.entity is None or clause.entity.kind == "it"
-            if held and spoken and any(step.object == index for step in plan.steps):
+            if held and spoken and self._moved(plan, index):
                 yield plan  # "grasp it, raise it"
             elif held:
                 yield replace(plan, failure=f"the gripper holds {a_name(world, index)} already", reason="impossible")
@@ -331,6 +334,10 @@ class Steps:
             yield replace(plan, failure="it is not said where to", reason="where", entity=clause.entity)
         else:
             yield from self._placed(plan, clause, index, places)
+
+    def _moved(self, plan: Draft, index: int) -> bool:
+        """Whether an earlier step moves a thing."""
+        return any(step.object == index for step in plan.steps)
 
     def _other_box(self, plan: Draft, clause: Clause, index: int) -> int | None:
         """Return the container from which a clause takes a thing that is not in it; None: there is none."""
@@ -530,20 +537,6 @@ def different(layer: list[Draft]) -> list[Draft]:
         said = (plan.steps, plan.it, plan.mentioned, plan.box, plan.failure, plan.reason, plan.entity, plan.topic)
         found.setdefault((*said, plan.candidates, plan.mover if plan.failure else None), plan)
     return list(found.values())
-
-
-def without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
-    """Return the clauses without putting down what the next one brings elsewhere: "take it down and give it to me"."""
-    kept = list(steps)
-    for at, (one, other) in enumerate(pairwise(steps)):
-        if one.entity is None or other.entity is None:
-            continue
-        shown = isinstance(one.entity.pointed, Gesture) and other.entity.pointed == one.entity.pointed
-        goes_on = (shown or other.entity.kind == "it") and other.act in (Act.GIVE, Act.CARRY, Act.STORE)
-        down = all(place.name == "direction" and place.value == "down" for place in one.places)
-        if goes_on and down and one.act in (Act.TAKE, Act.CARRY, Act.UNSTACK):
-            kept[at] = replace(one, verb=bringing("up"), places=(), instruction=None)
-    return tuple(kept)
 
 
 def off_table(world: WorldModel, clause: Clause, things: list[int]) -> list[int]:

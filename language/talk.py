@@ -190,10 +190,12 @@ def where(world: WorldModel, index: int) -> str:
     near = [
         i
         for i in range(len(world.things))
-        if i != index and world.is_loose(i) and i not in world.inside and i != world.held
+        if i not in (index, world.held) and world.is_loose(i) and i not in world.inside and world.below[i] is None
     ]
     near.sort(key=lambda i: abs(world.things[i].x - thing.x) + abs(world.things[i].y - thing.y))
-    beside = f"; {a_name(world, near[0])} is next to it" if near else ""
+    over = world.above[index]
+    beside = f"; {a_name(world, near[0])} is next to it" if near and over is None else ""
+    beside = f"; {a_name(world, over)} is on it" if over is not None else beside
     return f"on the table, {' '.join(side)}{beside}"
 
 

@@ -143,6 +143,15 @@ def test_what_was_stopped_goes_on_and_home_is_a_place(session):
     assert isinstance(session.say("go on"), Refusal)
 
 
+def test_the_arm_goes_home_after_a_step_where_that_is_asked_for(session):
+    session.say(f"reach {session.object_names()[0]} and go home")
+    drive(session)
+    assert [step.state for step in session.view.steps] == ["done"]
+    for _ in range(60):
+        session.step()
+    assert abs(session.env.gripper[0] - session.env.rest_position).max() < 0.06
+
+
 @pytest.mark.parametrize("words", ["no", "wait", "not that", "no wait", "Wait!", "not the xyzzy"])
 def test_an_objection_stops_the_arm_whatever_else_it_says(session, words):
     session.say(f"reach {session.object_names()[0]}")

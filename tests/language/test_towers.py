@@ -147,3 +147,70 @@ def test_one_more_is_the_same_step_again(world, words):
 def test_something_on_top_of_that_is_put_there_after_a_question(world):
     for question in ("", " / which one is at the top?"):
         assert len(tower(after(f"put red on blue{question} / and the green one on top of that", world()), "blue")) == 3
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    ("pair", "expected"),
+    [
+        ("green and blue", ["red", "blue", "green"]),
+        ("blue and red", ["blue", "green", "red"]),
+        ("red and green", ["green", "red", "blue"]),
+    ],
+)
+def test_two_things_of_one_tower_change_places_in_it(world, pair, expected):
+    before = world(TOWER)
+    now = after(f"swap {pair}", before)
+    assert tower(now, "red") == expected
+    assert now.things[NAMES.index(expected[0])].x == pytest.approx(before.things[0].x)
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    "said", ["and blue on top", "the blue one too", "same for the blue one", "and the blue one on top of that"]
+)
+def test_what_follows_goes_on_top_of_what_was_stacked(world, said):
+    assert tower(after(f"put green on red / {said}", world()), "red") == ["red", "green", "blue"]
+
+
+@WORLDS
+def test_another_one_is_none_of_the_tower(world):
+    dialogue = Dialogue()
+    dialogue.answer("put green on red", world())
+    outcome = dialogue.answer("and another cube on top", dialogue.now)
+    assert not {NAMES.index("red"), NAMES.index("green")} & {step.object for step in getattr(outcome, "steps", ())}
+
+
+def test_next_to_what_was_stacked_is_not_on_top_of_it():
+    now = after("put green on red / and the blue one next to it", on_table())
+    assert tower(now, "blue") == ["blue"]
+
+
+@WORLDS
+def test_what_stands_on_nothing_is_not_unstacked(world):
+    outcome = Dialogue().answer("unstack the pink cube", world(TOWER))
+    assert isinstance(outcome, Refusal)
+    assert "no other thing" in outcome.text
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    ("question", "answer"),
+    [
+        ("what is on the bottom?", "The red cube is under the green cube."),
+        ("where is the red cube?", "the green cube is on it"),
+        ("how many are on top of the red one?", "two (2)"),
+        ("how many cubes are above the green one?", "one (1)"),
+        ("how many are stacked?", "three (3)"),
+        ("how many are there?", "five (5)"),
+    ],
+)
+def test_answers_about_a_tower_count_what_is_over_a_thing(world, question, answer):
+    outcome = Dialogue().answer(question, world(TOWER))
+    assert isinstance(outcome, Answer)
+    assert answer in outcome.text
+    assert "next to" not in outcome.text
+
+
+def test_what_would_happen_is_not_answered_with_what_is():
+    assert isinstance(Dialogue().answer("how many cubes would fall if the tower fell?", on_board(TOWER)), Refusal)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, board
+from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, board
 from language.talk import name, said, where
 from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, RED, YELLOW
 from tests.helpers.room_cases import room as small_room
@@ -119,6 +119,77 @@ def test_what_is_in_front_of_the_robot_is_what_it_sees():
     assert "the yellow cube" in Dialogue().answer("whats in front of you", room()).text
 
 
+@pytest.mark.parametrize(("said", "beginning"), [("hey there", "Hello"), ("thanks, bye", "You are welcome. Goodbye")])
+def test_a_greeting_with_nothing_after_it_and_a_farewell_with_thanks_are_answered(said, beginning):
+    answer = Dialogue().answer(said, room())
+    assert isinstance(answer, Answer)
+    assert answer.text.startswith(beginning)
+
+
+@pytest.mark.parametrize("question", ["your left or mine?", "is that your left or my left?", "left as seen by whom?"])
+def test_whose_left_is_meant_is_told(question):
+    dialogue = Dialogue()
+    dialogue.answer("put the red cube to the left", room())
+    answer = dialogue.answer(question, dialogue.now)
+    assert isinstance(answer, Answer)
+    assert "Left and right are" in answer.text
+
+
+@pytest.mark.parametrize(
+    ("said", "control"),
+    [("stpo", "stop"), ("wiat", "wait"), ("contineu", "continue"), ("actualy no, leave it", "stop"), ("undoo", "undo")],
+)
+def test_signals_are_understood_with_a_wrong_letter(said, control):
+    dialogue = Dialogue()
+    dialogue.answer("put the red cube on the yellow one", room())
+    outcome = dialogue.answer(said, dialogue.now)
+    assert isinstance(outcome, Signal)
+    assert outcome.control == control
+
+
+def test_a_command_that_is_taken_back_stops_what_is_being_done():
+    dialogue = Dialogue()
+    dialogue.answer("open the drawer", room())
+    outcome = dialogue.answer("open the fridge, no stop", dialogue.now)
+    assert isinstance(outcome, Signal)
+    assert outcome.control == "stop"
+
+
+@pytest.mark.parametrize("home", ["go home", "return to your starting position", "go back to where you started please"])
+def test_home_may_follow_other_steps(home):
+    dialogue = Dialogue()
+    outcome = dialogue.answer(f"open the drawer and then {home}", room())
+    assert steps(outcome) == [("open", DRAWER)]
+    assert "rest position" in outcome.notes[-1]
+    assert dialogue.homeward
+    dialogue.answer("what are you doing?", dialogue.now)
+    assert dialogue.homeward
+    dialogue.answer("close the drawer", dialogue.now)
+    assert not dialogue.homeward
+
+
+def gap(world, one, other):
+    return abs(world.things[one].x - world.things[other].x) + abs(world.things[one].y - world.things[other].y)
+
+
+@pytest.mark.parametrize("said", ["a bit further away", "move it farther away please"])
+def test_closer_and_further_away_are_measured_from_what_a_thing_was_put_beside(said):
+    dialogue = Dialogue()
+    near = dialogue.answer("put the red cube to the right of the orange cube", room()).result
+    outcome = dialogue.answer(said, near)
+    assert gap(outcome.result, RED, ORANGE) > gap(near, RED, ORANGE)
+    back = dialogue.answer("closer", outcome.result)
+    assert gap(back.result, RED, ORANGE) < gap(outcome.result, RED, ORANGE)
+
+
+def test_a_thing_that_cannot_come_closer_stays_and_that_is_said():
+    dialogue = Dialogue()
+    near = dialogue.answer("put the red cube to the right of the orange cube", room()).result
+    outcome = dialogue.answer("a bit closer", near)
+    assert isinstance(outcome, Refusal)
+    assert "as close to the orange cube" in outcome.text
+
+
 @pytest.mark.parametrize("sentence", ["geh zum rosa würfel", "beweg dich zum zylinder", "jdi na žlutou kostku"])
 def test_other_languages_are_told_apart_from_words_that_are_not_known(sentence):
     assert Dialogue().answer(sentence, room()).reason == "language"
@@ -155,6 +226,18 @@ def test_a_move_by_cells_is_told_as_one():
     world = board(BLOCKS)
     outcome = Dialogue().answer("move the red cube two squares to the right", world)
     assert said(world, outcome.steps) == "put the red cube 2 cells to the right"
+
+
+def test_a_move_by_cells_off_the_board_is_refused():
+    """Rather than read as a place on the thing that is on that side."""
+    outcome = Dialogue().answer("move the gray cube two squares to the left", board(BLOCKS, viewpoint="human"))
+    assert isinstance(outcome, Refusal)
+    assert "outside" in outcome.text
+
+
+def test_a_double_letter_typed_once_is_likelier_than_another_letter():
+    outcome = Dialogue().answer("put the yelow cube next to the green one", board([*BLOCKS, ("cube", "blue", 6, 0, 1)]))
+    assert "no yellow cube" in outcome.message
 
 
 def test_what_the_gripper_holds_hides_nothing_of_why_a_thing_is_not_found():
