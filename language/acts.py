@@ -65,7 +65,8 @@ def _phrases() -> dict[tuple[str, ...], str]:
 
 def _plain(words: Iterable[str]) -> tuple[str, ...]:
     """Return words without adverbs, and with one name for the place where the arm rests."""
-    text = _HOME.sub("home position", " ".join(word for word in words if word not in _ADVERBS))
+    text = re.sub(r"\btoo (?=(?:fast|quick)\b)", "too-", " ".join(words))
+    text = _HOME.sub("home position", " ".join(word for word in text.split() if word not in _ADVERBS))
     text = re.sub(r"^(?:but )?(?:you|that) (?:have |did )?\w+ (?:it )?(?:in |on |at )?wrong \w+$", "wrong one", text)
     return tuple(re.sub(r"\b(?:stop|quit|cease) \w+ing\b(?: it| that)?$", "stop", text).split())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -31,6 +31,7 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "order": words.TABLE["orders"],
 }
 LIMITING = frozenset(phrases(TABLE["limiting"]))  # words that no reading may leave out
+FLOORS = frozenset(phrases(TABLE["floors"]))
 HARMLESS = FILLERS | frozenset(TABLE["harmless"].split())  # words of phrases that alone change nothing
 STRANGERS = frozenset(phrases(TABLE["strangers"])) | LIMITING  # words that are no misspelling of another
 CONTENT = frozenset(
@@ -87,7 +88,8 @@ class Lattice:
         """
         self.gestures, self._acts, self.table = gestures, acts, table
         self.tokens = _split_up(normalised(sentence) if isinstance(sentence, str) else sentence)
-        self.variants = [spellings(token.text) for token in self.tokens]
+        texts = [token.text for token in self.tokens]
+        self.variants = [() if table and is_floor(texts, i) else spellings(text) for i, text in enumerate(texts)]
         self.unknown = {i for i, variants in enumerate(self.variants) if not variants}
         self.edges: list[dict[str, list[Edge]]] = [self._edges(i) for i in range(len(self.tokens))]
         self._gaps: dict[int, list[Item]] = {}
@@ -230,6 +232,11 @@ class Lattice:
         if "color" in self.edges[index]:
             return costs.SKIPPED["color"]
         return costs.SKIPPED["content" if CONTENT & self.edges[index].keys() else "function"]
+
+
+def is_floor(words: Sequence[str], index: int) -> bool:
+    """Whether a word names what is below the table, where nothing is put: "on the floor"."""
+    return words[index] in FLOORS and index > 0 and words[index - 1] in ("on", "onto", "to", "at", "off")
 
 
 def _split_up(found: list[Token]) -> list[Token]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from language.meanings import Gesture, Reading
-from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import Planner
 from language.revising import tells
 from language.spots import Rest, left_place
+from language.verbs import Act
 from language.world import WorldModel
 
 
@@ -53,7 +55,7 @@ class Memory:
             self.world = outcome.result or world
             self.last = outcome.reading or self.last
             asked = [step for step in outcome.steps if not step.implied] or list(outcome.steps)
-            self.it = tuple(dict.fromkeys(s.object for s in asked if s.several)) or (asked[-1].object,)
+            self.it = tuple(dict.fromkeys(s.object for s in asked if s.several)) or self._built(outcome, asked)
             about = tuple(dict.fromkeys(i for s in asked for i in (s.goal, s.object) if i is not None))
         elif isinstance(outcome, Signal) and outcome.steps:
             self.world = outcome.result or world
@@ -67,6 +69,17 @@ class Memory:
         boxes = [i for i in about if i in world.containers]
         self.box = boxes[-1] if boxes and not isinstance(outcome, Question) else self.box
         self.turns.append(Turn(outcome.sentence, outcome, world, about))
+
+    def _built(self, plan: Plan, steps: Sequence[Step]) -> tuple[int, ...]:
+        """Return what "it" and "them" mean after steps: the thing of the last one, first of all of a tower or a row."""
+        last = steps[-1].object
+        built = (
+            plan.reading is not None
+            and plan.reading.steps[-1:]
+            and plan.reading.steps[-1].act in (Act.BUILD, Act.GATHER)
+        )
+        whole = [i for step in reversed(steps) for i in (step.object, step.goal) if i is not None] if built else []
+        return tuple(dict.fromkeys((last, *whole)))
 
     def amend(self, outcome: Outcome, world: WorldModel) -> None:
         """Replace the last turn's outcome by what really came of it. world: before it."""

@@ -100,8 +100,10 @@ class Replies(Memory):
         return self._tried(sentence, meant if reply.rejects else [self._higher(each) for each in meant], found, restore)
 
     def _higher(self, reading: Reading) -> Reading:
-        """Return a reading whose place was said before, on a thing that bears another one since, as on top of that."""
+        """Return a reading whose place was said before as on top of the tower that is there since."""
         *before, clause = reading.steps
+        if clause.act is Act.BUILD and clause.entity is not None and clause.entity.kind == "thing" and self.it:
+            return Reading((Clause(CARRY, clause.entity, (RelationPhrase("on", (pinned(self.it[0]),)),)),))
         place = next((each for each in clause.places if each.name == "on" and each.anchors), None)
         said = (
             [anchor for step in self.last.steps for each in step.places for anchor in each.anchors] if self.last else []

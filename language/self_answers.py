@@ -15,7 +15,7 @@ from language.revising import tells
 from language.scanning import scan
 from language.spots import is_elsewhere
 from language.talk import abilities, holds, name, said, seen
-from language.verbs import KNOWN, Act
+from language.verbs import DEVICE_VERBS, KNOWN, Act
 from language.viewpoint import whose_left
 from language.words import GROUPS
 from language.world import WorldModel
@@ -238,6 +238,29 @@ class SelfAnswers(ABC):
         x = 0.0 if who in ("you", "robot") else 2 * x1 if not self.world.cells else x1
         return math.hypot(thing.x - x, thing.y - (y0 + y1) / 2)
 
+    def purpose(self, match: re.Match[str]) -> str | None:
+        """Say what can be done with a thing: "what is the lever for?"."""
+        world = self.world
+        entity, things = self.refs(next(filter(None, match.groups())))
+        if self.pointed and entity is not None and entity.kind == "it":
+            things = list(self.pointed)
+        several, self.things = len(things) > 1, things[:1]
+        if entity is None or not things:
+            return None
+        kind = world.things[things[0]].kind
+        thing = f"a {kind}" if several else name(world, things[0])
+        if world.things[things[0]].target:
+            return self.marks(match)
+        if things[0] in world.containers:
+            return f"{thing} can be opened and closed, and one thing fits in it"
+        verb = next((verb for verb, noun in DEVICE_VERBS.items() if noun == kind), None)
+        if verb is not None:
+            said_now = KNOWN[verb].templates[0].replace("{object}", thing)
+            return f"I can {said_now}, and nothing else happens then: say {said_now!r}"
+        return (
+            f"I can {world.only or 'pick up'} {thing}{'' if world.only else ', and put it somewhere or on another one'}"
+        )
+
     def shape(self, match: re.Match[str]) -> str | None:
         """Say which shape things have."""
         kinds = [(i, self.world.things[i].kind) for i in (self.subject(match[1]) or [])[:3]]
@@ -285,6 +308,12 @@ class SelfAnswers(ABC):
         if self.pointed and re.match(r"(?:who|what) (?:is|are) (?:this|that|it)\b", match.string):
             return self.shown(match)
         return f"I am {self.body}, and do what you say and point at. {abilities(self.world)}"
+
+    def stuck(self, match: re.Match[str]) -> str | None:
+        """Say whether the arm is stuck, and how far the last plan came."""
+        plans = self._plans()
+        going = plans and plans[-1][0].ending
+        return f"no: {self.account() if going else f'I am ready. {holds(self.world)}'}"
 
     def fine(self, match: re.Match[str]) -> str | None:
         """Answer questions about the robot's condition."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from language import costs
 from language.errors import NotUnderstood
-from language.lattice import LIMITING, STRANGERS, Lattice
+from language.lattice import LIMITING, STRANGERS, Lattice, is_floor
 from language.meanings import Clause, Entity, Gesture, Reading, pointing_words
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
@@ -196,9 +196,15 @@ def _shown(plan: Draft) -> tuple[int, ...]:
 
 def _unknown(sentence: str, words: str, plan: Draft, lattice: Lattice, world: WorldModel) -> Refusal:
     asked = f", only {said(world, plan.steps)}" if plan.steps and not plan.failure else ""
-    text = f"I am not sure what you mean by {words!r}{asked}"
     tokens = [token.text for token in lattice.tokens]
+    text = _below(tokens) or f"I am not sure what you mean by {words!r}{asked}"
     return Refusal(sentence, 0.0, (words,), (0, len(sentence)), "nothing", text, offers(world, tokens))
+
+
+def _below(words: Sequence[str]) -> str:
+    """Return why nothing is put where no table is; "" if the words name no such place."""
+    place = next((word for at, word in enumerate(words) if is_floor(words, at)), "")
+    return f"I put nothing on the {place}: only on the table, on other things and into what is here" if place else ""
 
 
 def matters(lattice: Lattice, index: int) -> bool:
@@ -515,11 +521,8 @@ def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
     words = [token.text for token in tokens]
     strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown) if words[i] not in LIMITING]
     if strange:
-        text = (
-            (f"I do not know the word {strange[0]!r}")
-            if len(strange) == 1
-            else (f"I do not know the words {' '.join(strange[:5])!r}")
-        )
+        many = f"I do not know the words {' '.join(strange[:5])!r}"
+        text = _below(words) or (f"I do not know the word {strange[0]!r}" if len(strange) == 1 else many)
     else:
         what = f"which thing to {world.only}" if world.only else "what to take and where to put it"
         text = f"I do not see what I shall do about '{' '.join(words[:12])}'; say {what}"

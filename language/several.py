@@ -51,7 +51,10 @@ class Several(Movers):
             return replace(plan, failure="your hand holds one thing at a time", reason="impossible", entity=entity)
         if act not in (*BOXES, Act.OPERATE, Act.TOUCH) and entity.kind != "list":
             things.sort(key=lambda i: -plan.world.things[i].bottom)
-        things = off_table(plan.world, clause, things)
+        named, things = things, off_table(plan.world, clause, things)
+        if named and not things:
+            note = f"{'they are' if len(named) > 1 else f'{a_name(plan.world, named[0])} is'} on the table already"
+            return replace(plan, notes=plan.notes if plan.steps else (*plan.notes, note), it=tuple(named), topic=None)
         ordered = self._in_order(plan, things, orders)
         if isinstance(ordered, Draft):
             return ordered
@@ -88,20 +91,7 @@ class Several(Movers):
         """Return the things of a phrase for several, or the plan that says why there are none."""
         world, act = plan.world, clause.act
         if entity.kind == "list":
-            found = []
-            for part in entity.parts:
-                drafts = list(
-                    self._movers(plan if part.kind == "it" else replace(plan, it=()), replace(clause, entity=part))
-                )
-                good = [each for each in drafts if not each.failure and each.mover is not None]
-                if not good:
-                    return drafts[0]
-                best = min(each.cost for each in good)
-                if sum(each.cost < best + costs.CLOSE for each in good) > 1 and not part.any:
-                    movers = tuple(each.mover for each in good if each.mover is not None)
-                    return replace(plan, failure="several", reason="several", entity=part, candidates=movers)
-                found.append(min(good, key=lambda each: each.cost).mover)
-            return [index for index in dict.fromkeys(found) if index is not None]
+            return self._listed(plan, clause, entity)
         if entity.kind == "it":
             return self._them(plan, act, entity)
         refs = self.resolver(world, plan.it, None, plan.mentioned, plan.box).resolve(entity)
@@ -124,7 +114,10 @@ class Several(Movers):
                 return replace(plan, failure="nothing stands on another thing: there is no tower", reason="impossible")
         if wanted and entity.every and len(things) > wanted and entity.noun is None and not entity.colors:  # "both"
             spoken = [i for i in things if i in (*plan.it, *plan.mentioned)]
-            few = 0 < len(spoken) < wanted and act not in BOXES  # it asks which
+            alike = [i for i in things if i not in spoken and world.things[i].kind in self._kinds(plan)]
+            if entity.other and len(alike) == wanted:  # "the other two", after one of three balls
+                return alike
+            few = (0 < len(spoken) < wanted or entity.other) and act not in BOXES  # it asks which
             entity, things = replace(entity, every=not few), things if few else spoken or things
         if wanted and len(things) > wanted and not entity.every:
             if plan.arbitrary or entity.any:
@@ -134,6 +127,27 @@ class Several(Movers):
                 plan, failure=f"{len(things)} things fit", reason="several", entity=entity, candidates=tuple(things)
             )
         return things
+
+    def _listed(self, plan: Draft, clause: Clause, entity: Entity) -> list[int] | Draft:
+        """Return the things of a list, one for each of its phrases, or the plan that says why one is not found."""
+        found = []
+        for part in entity.parts:
+            drafts = list(
+                self._movers(plan if part.kind == "it" else replace(plan, it=()), replace(clause, entity=part))
+            )
+            good = [each for each in drafts if not each.failure and each.mover is not None]
+            if not good:
+                return drafts[0]
+            best = min(each.cost for each in good)
+            if sum(each.cost < best + costs.CLOSE for each in good) > 1 and not part.any:
+                movers = tuple(each.mover for each in good if each.mover is not None)
+                return replace(plan, failure="several", reason="several", entity=part, candidates=movers)
+            found.append(min(good, key=lambda each: each.cost).mover)
+        return [index for index in dict.fromkeys(found) if index is not None]
+
+    def _kinds(self, plan: Draft) -> set[str]:
+        """Return the kinds of the things that were spoken of last."""
+        return {plan.world.things[i].kind for i in (*plan.it, *plan.mentioned)}
 
     def _on_others(self, plan: Draft, entity: Entity, things: list[int]) -> list[int]:
         """Return those of some things that stand on others: those of the tower that was spoken of, if one is meant."""

@@ -540,11 +540,11 @@ def different(layer: list[Draft]) -> list[Draft]:
 
 
 def off_table(world: WorldModel, clause: Clause, things: list[int]) -> list[int]:
-    """Return those that are not on the table, of things that a clause just puts there; otherwise all."""
+    """Return those that are not on the table, maybe none, of things that a clause just puts there; otherwise all."""
     onto = [place.name in ONTO and [a.kind for a in place.anchors] == ["board"] for place in clause.places]
     if clause.act is not Act.CARRY or not onto or not all(onto):
         return things
-    return [i for i in things if not world.is_on_ground(i)] or things
+    return [i for i in things if not world.is_on_ground(i)]
 
 
 def beside(clause: Clause) -> Clause:

@@ -214,3 +214,30 @@ def test_answers_about_a_tower_count_what_is_over_a_thing(world, question, answe
 
 def test_what_would_happen_is_not_answered_with_what_is():
     assert isinstance(Dialogue().answer("how many cubes would fall if the tower fell?", on_board(TOWER)), Refusal)
+
+
+@WORLDS
+def test_all_of_a_tower_that_was_built_go_back_on_the_table(world):
+    now = after(
+        "build a tower of the red, the green and the blue cube / great. put them all back on the table", world()
+    )
+    assert not any(below is not None for below in now.below)
+
+
+@WORLDS
+def test_a_tower_that_was_built_grows(world):
+    now = after("build a tower of red and green / and blue on top", world())
+    assert tower(now, "red") == ["red", "green", "blue"]
+
+
+def test_everything_is_put_on_the_table():
+    now = after("put everything on the table", on_table(TOWER))
+    assert not any(below is not None for below in now.below)
+
+
+def test_what_is_on_the_table_already_is_not_moved_to_put_it_there():
+    outcome = Dialogue().answer("put the cubes on the table", on_table())
+    assert isinstance(outcome, Refusal)
+    assert "on the table already" in outcome.text
+    done = Dialogue().answer("disassemble that tower and leave the cubes lying on the table", on_table(TOWER))
+    assert {NAMES[step.object] for step in done.steps} == {"green", "blue"}

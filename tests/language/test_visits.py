@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, board
+from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, board, table
 from language.talk import name, said, where
 from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, RED, YELLOW
 from tests.helpers.room_cases import room as small_room
@@ -281,3 +281,69 @@ def test_either_of_a_pair_may_go_to_the_other(sentence):
     outcome = Dialogue().answer(sentence, board(BLOCKS))
     assert isinstance(outcome, Plan)
     assert {step.object for step in outcome.steps} <= {0, 1}
+
+
+# ---- What our own partners said
+
+
+@pytest.mark.parametrize("said", ["put it on the floor", "drop the red cube on the ground"])
+def test_nothing_is_put_below_the_table(said):
+    dialogue = Dialogue()
+    dialogue.answer("pick up the red cube", room())
+    outcome = dialogue.answer(said, dialogue.now)
+    assert isinstance(outcome, Refusal)
+    assert "I put nothing on the" in outcome.text
+
+
+@pytest.mark.parametrize(("said", "word"), [("open the cupboard", "cupboard"), ("open the oven", "oven")])
+def test_what_is_not_here_is_not_taken_for_what_is(said, word):
+    outcome = Dialogue().answer(said, room())
+    assert isinstance(outcome, Refusal)
+    assert word in outcome.text
+
+
+@pytest.mark.parametrize(
+    ("said", "control"),
+    [
+        ("you are really quick", None),
+        ("wow, you are fast", None),
+        ("you are too fast", "slower"),
+        ("too quick", "slower"),
+    ],
+)
+def test_quick_is_praise_and_too_quick_is_not(said, control):
+    assert getattr(Dialogue().answer(said, room()), "control", None) == control
+
+
+@pytest.mark.parametrize(
+    ("question", "answer"),
+    [
+        ("what is the lever for?", "switch"),
+        ("what does the button do?", "press"),
+        ("what is the drawer for?", "can be opened and closed"),
+        ("what can i do with the red cube?", "pick up the red cube"),
+        ("are you stuck?", "No: "),
+    ],
+)
+def test_what_a_thing_is_for_is_told(question, answer):
+    outcome = Dialogue().answer(question, room(Object("lever", "green", (0.6, -0.1, 0.03))))
+    assert isinstance(outcome, Answer)
+    assert answer in outcome.text
+
+
+@pytest.mark.parametrize("said", ["none of these, the yellow one", "neither of those, the yellow one"])
+def test_another_thing_may_be_named_after_a_question(said):
+    dialogue, world = Dialogue(), room(Object("cube", "red", (0.36, -0.08, 0.025)))
+    assert isinstance(dialogue.answer("pick up the red cube", world), Question)
+    assert steps(dialogue.answer(said, world)) == [("lift", YELLOW)]
+
+
+def test_the_other_two_are_of_the_kind_that_was_spoken_of():
+    kinds = ["sphere", "cube", "sphere", "cube", "sphere"]
+    colors = ["red", "green", "blue", "yellow", "pink"]
+    objects = [Object(k, c, (0.4, 0.1 * i, 0.025)) for i, (k, c) in enumerate(zip(kinds, colors, strict=True))]
+    world = table(Scene(objects), verbs=("reach",))
+    dialogue = Dialogue()
+    dialogue.answer("touch the red ball", world)
+    outcome = dialogue.answer("the other two as well", world)
+    assert [step.object for step in outcome.steps] == [2, 4]
