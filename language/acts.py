@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rapidfuzz.distance import OSA
 
 from language.costs import SPELLING
-from language.lattice import STRANGERS, spellings, vocabulary
+from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
 from language.scanning import Token, scan, verb_words
 from language.words import CONTROLS, TABLE, colors, nouns, phrases
@@ -78,7 +78,8 @@ def _corrected(word: str) -> str:
     if len(word) < 4 or word in vocabulary() or word in STRANGERS or word in said:
         return word
     near = [each for each in said if each[0] == word[0] and OSA.distance(each, word) == 1]
-    near = [each for each in near if (each,) in _phrases()] or near
+    swapped = [each for each in near if sorted(each) == sorted(word)]
+    near = swapped or [each for each in near if undoubled(each) == undoubled(word)] or near
     close = {each for each, cost in spellings(word) if cost <= SPELLING}
     named = {*colors(), *(noun for names in nouns().values() for noun in names)} & close
     return near[0] if len(near) == 1 and not named else word

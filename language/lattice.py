@@ -287,9 +287,9 @@ def spellings(word: str) -> tuple[tuple[str, float], ...]:
 def _corrected(word: str) -> tuple[tuple[str, float], ...]:
     most = 1 if len(word) < 7 else 2
     found = process.extract(word, _choices(), scorer=OSA.distance, processor=None, score_cutoff=most, limit=None)
-    once = _undoubled(word)
+    once = undoubled(word)
     near = [
-        (known, cost * (DOUBLED if _undoubled(known) == once else 1.0) + 0.3 * (known[0] != word[0]))
+        (known, cost * (DOUBLED if undoubled(known) == once else 1.0) + 0.3 * (known[0] != word[0]))
         for known, cost, _ in found
         if cost < len(known) - 1 and (len(word) > 3 or known[0] == word[0])
     ]
@@ -298,7 +298,7 @@ def _corrected(word: str) -> tuple[tuple[str, float], ...]:
 
 
 @cache
-def _undoubled(word: str) -> str:
+def undoubled(word: str) -> str:
     """Return a word with its double letters typed once."""
     return re.sub(r"(.)\1", r"\1", word)
 

@@ -72,13 +72,14 @@ class Memory:
 
     def _built(self, plan: Plan, steps: Sequence[Step]) -> tuple[int, ...]:
         """Return what "it" and "them" mean after steps: the thing of the last one, first of all of a tower or a row."""
-        last = steps[-1].object
-        built = (
-            plan.reading is not None
-            and plan.reading.steps[-1:]
-            and plan.reading.steps[-1].act in (Act.BUILD, Act.GATHER)
+        last, reading = steps[-1].object, plan.reading
+        built = reading is not None and reading.steps[-1:] and reading.steps[-1].act in (Act.BUILD, Act.GATHER)
+        carried = {step.object for step in steps if step.carries}
+        whole = (
+            [i for step in reversed(steps) for i in (step.object, step.goal) if i is not None]
+            if built or len(carried) > 1
+            else []
         )
-        whole = [i for step in reversed(steps) for i in (step.object, step.goal) if i is not None] if built else []
         return tuple(dict.fromkeys((last, *whole)))
 
     def amend(self, outcome: Outcome, world: WorldModel) -> None:

@@ -309,6 +309,17 @@ class SelfAnswers(ABC):
             return self.shown(match)
         return f"I am {self.body}, and do what you say and point at. {abilities(self.world)}"
 
+    def heights(self, match: re.Match[str]) -> str | None:
+        """Say how high things are lifted and stacked."""
+        if self.world.only:
+            return f"I only {self.world.only} things here, and lift nothing"
+        most = (
+            "put one cube on another, and nothing on top of that"
+            if self.world.flat_only
+            else "stack as high as I reach"
+        )
+        return f"I carry things at one height, just over the others, and {most}"
+
     def stuck(self, match: re.Match[str]) -> str | None:
         """Say whether the arm is stuck, and how far the last plan came."""
         plans = self._plans()

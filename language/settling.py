@@ -417,7 +417,9 @@ def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
             if entity.noun not in (None, "cube") and others and entity.noun in said:
                 return f"the {entity.noun} here is {' or '.join(dict.fromkeys(others))}, not {head[0]}"
             head += ["thing"] * (entity.noun is None)
-            return f"there is no {' '.join(head) if entity.noun is None or entity.noun in said else repr(part)} here"
+            named = any({"color", "noun"} & edges.keys() for edges in lattice.edges[slice(*entity.span)])
+            plain = entity.noun is None or entity.noun in said or not named  # by an earlier sentence
+            return f"there is no {' '.join(head) if plain else repr(part)} here"
         if entity.colors and not any(_is_like(plan.world, i, entity) for i in range(len(plan.world.things))):
             return f"there is no {' '.join((head[0], entity.noun or 'thing'))} here"  # wherever it shall be
         return f"I do not see which thing is meant by {part!r}"

@@ -29,6 +29,9 @@ def stacked():
     return room(Object("cube", "orange", (x, y, z + 0.05)))
 
 
+APART = [("red", (0.34, -0.2, 0.025)), ("green", (0.44, 0.0, 0.025))]
+
+
 def steps(outcome):
     """What is done with which thing; what is only taken to be put somewhere is left out."""
     found = outcome.steps
@@ -323,6 +326,7 @@ def test_quick_is_praise_and_too_quick_is_not(said, control):
         ("what is the drawer for?", "can be opened and closed"),
         ("what can i do with the red cube?", "pick up the red cube"),
         ("are you stuck?", "No: "),
+        ("how high can you lift it?", "one height"),
     ],
 )
 def test_what_a_thing_is_for_is_told(question, answer):
@@ -347,3 +351,46 @@ def test_the_other_two_are_of_the_kind_that_was_spoken_of():
     dialogue.answer("touch the red ball", world)
     outcome = dialogue.answer("the other two as well", world)
     assert [step.object for step in outcome.steps] == [2, 4]
+
+
+def test_a_word_that_may_be_several_is_no_signal():
+    outcome = Dialogue().answer("go ther", room())
+    assert getattr(outcome, "control", None) is None
+
+
+@pytest.mark.parametrize("first", ["left of", "right of", "in front of", "next to"])
+def test_the_other_side_is_across_from_what_a_thing_was_put_beside(first):
+    dialogue, scene = Dialogue(), Scene([Object("cube", c, p) for c, p in APART])
+    there = dialogue.answer(f"put the red cube {first} the green one", scene).result
+    here = dialogue.answer("no, on the other side", there).result
+    one, other = (
+        (world.things[0].x - world.things[1].x, world.things[0].y - world.things[1].y) for world in (there, here)
+    )
+    assert one[0] * other[0] + one[1] * other[1] < 0
+
+
+@pytest.mark.parametrize(
+    "first", ["put the red cube on the yellow one", "open the fridge", "put the white cube on the red one"]
+)
+def test_there_is_no_other_side_where_no_side_was_said(first):
+    dialogue = Dialogue()
+    dialogue.answer(first, room())
+    outcome = dialogue.answer("no, on the other side", dialogue.now)
+    assert isinstance(outcome, Refusal)
+    assert "other way round" in outcome.text
+
+
+def test_a_side_that_was_not_free_has_another_side():
+    dialogue, crowded = Dialogue(), Scene([Object("cube", c, p) for c, p in [*APART, ("blue", (0.44, 0.065, 0.025))]])
+    blocked = [("pink", (0.44 + 0.05 * i, 0.13, 0.025)) for i in (-1, 0, 1)]
+    crowded = Scene([*crowded, *(Object("cube", c, p) for c, p in blocked)])
+    dialogue.answer("put the red cube to the left of the green one", crowded)
+    outcome = dialogue.answer("no, on the other side", dialogue.now)
+    assert outcome.steps[-1].place[1] < 0
+
+
+def test_them_are_all_things_of_the_last_plan():
+    dialogue = Dialogue()
+    dialogue.answer("put the red cube in the drawer and the yellow one in the fridge", room())
+    outcome = dialogue.answer("close them", dialogue.now)
+    assert {step.object for step in outcome.steps} == {DRAWER, FRIDGE}
