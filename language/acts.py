@@ -149,12 +149,17 @@ ABLE = re.compile(  # about things in general
     r"(?:things|stuff|objects|items|cubes|blocks|towers|stacks|drawers|doors|buttons|levers|wheels)"
     r"(?: up| down| out| together| around| over)?$"
 )
+_AT_ONCE = re.compile(
+    r"^(?:can|could|are) you .*\b(?:two|three|both|several|many|more than one)\b.*"
+    r" (?:at once|at same time|simultaneously)$"
+)
 _ASKING = re.compile(
     r"^(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|did|will|do|can)\b))\b(?! (?:about|if)\b)"
     r"|^(?:is|are|was|were|does|did|has|am) |^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
     r"|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep|dream|fit)\b"
     r"|^(?:do|can) (?:you|we) have\b"
     rf"|{ABLE.pattern}"
+    rf"|{_AT_ONCE.pattern}"
     r"|^(?:do|did) (?:you|i|we|they)\b|^(?:can|could|may|should) (?:i|one) (?!have\b|get\b|please\b)"
     r"|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
     r"|^(?:would|does|will|could|can) (?!you\b|we\b|i\b)(?!.*\bplease\b).*\b(?:fit|go|work)\b"
@@ -192,6 +197,18 @@ _IMPERATIVES = (  # commands that ask for an answer
         r"\2 \1 \3",
     ),
     (r"(?:confirm|report|check|give(?: me)?|tell me|state) (?:a )?([^,;]+?) (?:status|state)", r"is \1 open"),
+    (
+        r"(which(?: one| cube| block)?|what) (?:carries|supports|bears|holds up) (?:all|everything|whole)\b.*",
+        r"\1 is at bottom of stack",
+    ),
+    (
+        rf"(which(?: one| cube| block)?|what) is (?:lowest|bottommost|bottom)(?: one| cube)? (?:of|in) {_TOWER}",
+        r"\1 is at bottom of stack",
+    ),
+    (
+        rf"(which(?: one| cube| block)?|what) is (?:highest|topmost|uppermost|top)(?: one| cube)? (?:of|in) {_TOWER}",
+        r"\1 is at top of stack",
+    ),
     (r"(which(?: one| cube| block)?|what) is (?:holding up|supporting|carrying) (.+)", r"\1 is under \2"),
     (r"(?:of )?how many \w+ (?:high|tall) is (.+)", r"how high is \1"),
     (
@@ -230,7 +247,7 @@ def question(text: str) -> str | None:
     named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"
     named += r"|what(?:ever)? \w+ (?:holds|contains|hides) .*\b(?:on|in|to)\b"
     requests = plain != asked and re.match(rf"(?:{verb_words()})\b", plain) and not _PROPOSED.match(asked)
-    requests = requests and not ABLE.match(asked)
+    requests = requests and not ABLE.match(asked) and not _AT_ONCE.match(asked)
     return None if requests or re.match(named, asked) else asked  # "what I want is", "what you hold, put it down"
 
 

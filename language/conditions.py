@@ -31,6 +31,12 @@ _POLITE = (  # what only asks kindly
     r"|(?:that|it|this) is (?:okay|fine|alright|all right|possible|convenient|no (?:trouble|bother|problem)|not too)"
     r")\b"
 )
+_NOTHING = re.compile(  # "otherwise leave it alone"
+    r"(?:just |please |then )*(?:(?:leave|let|keep) (?:it|them|that|this|everything)"
+    r"(?: alone| be| as (?:it|they) (?:is|are)| (?:open|closed|shut|there|so)| where (?:it|they) (?:is|are))*"
+    r"|do nothing|nothing|never mind|wait|stop"
+    r"|do not (?:do anything|bother|move|touch it))$"
+)
 _STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
 _PLACE = re.compile(r"\b(?:on|in|into|onto|inside|from|out of|behind|under|to|of)\b")
 _SPOKEN = re.compile(r"\b(?:it|they|that|them|there)\b")
@@ -199,7 +205,7 @@ class Conditions(Replies):
         if true:
             subject = name(trial.now, known.things[0]) if known.things and found.before and not spoken else "it"
             return Weighed(re.sub(r"\bit\b", subject, found.does, count=1), it=planner.it)
-        if found.otherwise:
+        if found.otherwise and not _NOTHING.match(found.otherwise.strip(" .,!")):
             short = re.match(r"(?:a )?\w+ (?:one|cube|block)$|\w+$", found.otherwise)
             it = planner.it if short or not named else named[-1]
             return Weighed(_with_object(found.does, found.otherwise) if short else found.otherwise, it=it)

@@ -86,6 +86,7 @@ class Questions(SelfAnswers):
         asked = re.sub(
             r"^what (?:do|have) (?:you|we) (?:have|got|keep) (?=(?:in|inside|on|under) (?!your|my))", "what is ", asked
         )
+        asked = re.sub(r"^(what|which|who) all (?!\w+ing\b)", r"\1 ", asked)
         asked = re.sub(rf"\b(round|square) ({COLOR}) (?=(?:thing|one|object)s?\b)", r"\2 \1 ", asked)
         for kind, pattern in questions():
             if (match := pattern.search(asked)) and (text := getattr(self, kind)(match)):

@@ -14,6 +14,7 @@ from language.planning import Planner
 from language.revising import tells
 from language.scanning import scan
 from language.spots import is_elsewhere
+from language.steps import allows
 from language.talk import abilities, holds, name, said, seen
 from language.verbs import DEVICE_VERBS, KNOWN, Act
 from language.viewpoint import whose_left
@@ -308,6 +309,20 @@ class SelfAnswers(ABC):
         if self.pointed and re.match(r"(?:who|what) (?:is|are) (?:this|that|it)\b", match.string):
             return self.shown(match)
         return f"I am {self.body}, and do what you say and point at. {abilities(self.world)}"
+
+    def allowed(self, match: re.Match[str]) -> str | None:
+        """Name the things with which something can be done: "which things can you open?"."""
+        acts = {KNOWN[edge.value].act for edge in Lattice(scan(match[1])).get(0, "verb")}
+        if not acts or acts & {Act.NEVER} == acts:
+            return None
+        acts = acts & {Act.OPEN, Act.SHUT, Act.OPERATE} or acts
+        things = [i for i, thing in enumerate(self.world.things) if not thing.target]
+        self.things = [i for i in things if any(allows(self.world, act, i) for act in acts - {Act.NEVER})]
+        return f"I can {match[1]} {self.names(self.things)}" if self.things else f"there is nothing here to {match[1]}"
+
+    def at_once(self, match: re.Match[str]) -> str | None:
+        """Say that one thing is done after the other."""
+        return "no: my gripper takes one thing at a time, and I do one thing after the other"
 
     def heights(self, match: re.Match[str]) -> str | None:
         """Say how high things are lifted and stacked."""

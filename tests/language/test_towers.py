@@ -241,3 +241,19 @@ def test_what_is_on_the_table_already_is_not_moved_to_put_it_there():
     assert "on the table already" in outcome.text
     done = Dialogue().answer("disassemble that tower and leave the cubes lying on the table", on_table(TOWER))
     assert {NAMES[step.object] for step in done.steps} == {"green", "blue"}
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    ("question", "name"),
+    [("which cube is the lowest of the stack?", "red"), ("which cube carries all the others?", "red")],
+)
+def test_the_lowest_cube_of_a_tower_is_told(world, question, name):
+    outcome = Dialogue().answer(question, world(TOWER))
+    assert isinstance(outcome, Answer)
+    assert outcome.text.startswith(f"The {name} cube")
+
+
+def test_no_cube_on_another_one_takes_the_towers_apart():
+    now = after("i want no cube on another one", on_table(TOWER))
+    assert not any(below is not None for below in now.below)

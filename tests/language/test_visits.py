@@ -394,3 +394,45 @@ def test_them_are_all_things_of_the_last_plan():
     dialogue.answer("put the red cube in the drawer and the yellow one in the fridge", room())
     outcome = dialogue.answer("close them", dialogue.now)
     assert {step.object for step in outcome.steps} == {DRAWER, FRIDGE}
+
+
+@pytest.mark.parametrize(
+    ("said", "step"),
+    [
+        ("take the cube of colour orange", ("lift", ORANGE)),
+        ("press the button or open the drawer, whichever you prefer", ("press", BUTTON)),
+        ("make sure the button is down", ("press", BUTTON)),
+        ("take a cube that is neither red nor orange nor cyan nor blue", ("lift", YELLOW)),
+    ],
+)
+def test_colours_choices_and_states_that_are_wanted(said, step):
+    outcome = Dialogue().answer(said, room())
+    assert isinstance(outcome, Plan)
+    assert steps(outcome)[0] == step
+
+
+@pytest.mark.parametrize(
+    ("question", "parts"),
+    [
+        ("which things can you open?", ["the blue drawer", "the red fridge"]),
+        ("what can you press?", ["button"]),
+        ("can you lift two cubes at once?", ["No: ", "one thing"]),
+        ("what all can you see here?", ["I see", "drawer"]),
+    ],
+)
+def test_what_can_be_done_with_which_things_is_told(question, parts):
+    outcome = Dialogue().answer(question, room())
+    assert isinstance(outcome, Answer)
+    assert all(part in outcome.text for part in parts)
+
+
+def test_otherwise_nothing_is_done():
+    outcome = Dialogue().answer("if the drawer is open, close it, otherwise leave it alone", room())
+    assert isinstance(outcome, Answer)
+    assert "I do nothing" in outcome.text
+
+
+def test_a_bit_more_is_the_same_again():
+    dialogue = Dialogue()
+    dialogue.answer("turn the wheel", room())
+    assert steps(dialogue.answer("bit more", dialogue.now)) == [("turn", WHEEL)]
