@@ -9,7 +9,7 @@ import numpy as np
 import pybullet as bullet
 
 from core.cameras import Camera, CameraFrame
-from envs.sim.rendering import Photo, Window, paint, photograph
+from envs.sim.rendering import Photo, paint, photograph
 from envs.sim.workspace import Box
 
 BODY = (1 << 24) - 1  # the bits of a body in the numbers of a photo's links
@@ -28,14 +28,9 @@ class Backdrop:
         self._client, self._boxes = client, boxes
         self._drawn: list[tuple[Camera, Photo]] = []
 
-    def photograph(self, camera: Camera, window: Window | None = None) -> Photo:
-        """Return what `rendering.photograph` does of a camera that is fixed in the workspace, in daylight.
-
-        Windows are drawn as a whole: PyBullet rounds colors in them otherwise than in a part of a picture.
-        """
+    def photograph(self, camera: Camera) -> Photo:
+        """Return what `rendering.photograph` does of a camera that is fixed in the workspace, in daylight."""
         frame = CameraFrame.of(camera)
-        if window is not None:
-            return photograph(self._client, camera, frame, window=window)
         behind = next((photo for known, photo in self._drawn if known == camera), None)
         if behind is None:
             behind = self._draw(camera, frame)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +22,9 @@ SHAPE_TYPES = {
     bullet.GEOM_MESH: "mesh",
 }
 BASE = -1  # Bullet's number for the base link
+INVISIBLE = (0.0, 0.0, 0.0, 0.0)
 DAYLIGHT = Light()
 HALF = 0.5  # pixels
-Window = tuple[int, int, int, int]  # rows and columns of an image: first and one past the last of each
 
 
 # ---- images
@@ -34,12 +33,14 @@ Window = tuple[int, int, int, int]  # rows and columns of an image: first and on
 class Renderer:
     """Renders a client whose bodies were loaded with their visual shapes.
 
-    PyBullet's software renderer draws every opacity but 0 as opaque, so see-through links are blended here.
+    PyBullet's software renderer draws every opacity but 0 as opaque, so see-through links are drawn apart, and blended
+    here. They cast no shadow. `close` frees what they are drawn with.
     """
 
     def __init__(self, client: int) -> None:
         self._client = client
         self._see_through: dict[tuple[int, int], Sequence[float]] = {}  # (body, link) -> RGBA
+        self._copies: LinkCopies | None = None
 
     def set_see_through(self, body: int, link: int, color: Sequence[float] | None) -> None:
         """Blend this link with its RGBA color from now on; None: draw it like any other."""
@@ -57,53 +58,120 @@ class Renderer:
 
     def render(self, camera: Camera) -> NDArray[np.uint8]:
         """(height, width, 3) the image of the camera, fixed in the workspace."""
-        frame = CameraFrame.of(camera) if camera.roll else None
-        return self.blended(partial(photograph, self._client, camera, frame)).colors
+        return self.photograph(camera, CameraFrame.of(camera) if camera.roll else None).colors
 
     def photograph(
-        self, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, without: Sequence[tuple[int, int]] = ()
+        self,
+        camera: Camera,
+        frame: CameraFrame | None,
+        light: Light = DAYLIGHT,
+        *,
+        without: Sequence[tuple[int, int]] = (),
+        solid: Callable[[], Photo] | None = None,
     ) -> Photo:
-        """Return what a camera in this frame sees. without: (body, link) of links that are left out."""
-        return self.blended(partial(photograph, self._client, camera, frame, light), without)
-
-    def blended(self, take: Callable[..., Photo], without: Sequence[tuple[int, int]] = ()) -> Photo:
-        """Return a photo in which see-through links are blended.
+        """Return what a camera in this frame sees.
 
         Args:
-            take: returns a photo of the client with these links opaque; window=...: a window of it.
+            camera, frame, light: as in `rendering.photograph`.
             without: (body, link) of see-through links that are left out.
+            solid: returns the photo of all other links; None: they are drawn as they are.
         """
-        present = [link for link in without if link in self._see_through]
-        ghosts = [link for link in self._see_through if link not in present]
-        self._hide(present)
-        photo = take()
-        covered = np.isin(photo.links, [_in_mask(*link) for link in ghosts])
-        if covered.any():
-            window = _window(covered)
-            self._hide(ghosts)
-            # What lies behind is drawn in this window alone, since a whole second image costs as much as the first.
-            behind = take(window=window).colors
-            self._restore(ghosts)
-            opacity = max(self._see_through[link][3] for link in ghosts)
-            part = photo.colors[window[0] : window[1], window[2] : window[3]]
-            mask = covered[window[0] : window[1], window[2] : window[3]]
-            part[mask] = np.rint(opacity * part[mask] + (1 - opacity) * behind[mask])
-        self._restore(present)
-        return photo
+        self._paint_all(0.0)
+        try:
+            photo = solid() if solid else photograph(self._client, camera, frame, light)
+        finally:
+            self._paint_all(None)
+        links = {link: color for link, color in self._see_through.items() if link not in without}
+        if not links:
+            return photo
+        if self._copies is None:
+            self._copies = LinkCopies(self._client)
+        return _blended(photo, *self._copies.photograph(links, camera, frame, light))
 
-    def _hide(self, links: Sequence[tuple[int, int]]) -> None:
-        for body, link in links:
-            paint(body, [*self._see_through[body, link][:3], 0], self._client, link)
+    def close(self) -> None:
+        """Free the client of the copies. Idempotent."""
+        if self._copies is not None:
+            self._copies.close()
+            self._copies = None
 
-    def _restore(self, links: Sequence[tuple[int, int]]) -> None:
-        for body, link in links:
-            paint(body, self._see_through[body, link], self._client, link)
+    def _paint_all(self, opacity: float | None) -> None:
+        """Paint all see-through links with this opacity; None: with their own."""
+        for (body, link), color in self._see_through.items():
+            paint(body, color if opacity is None else (*color[:3], opacity), self._client, link)
 
 
-def photograph(
-    client: int, camera: Camera, frame: CameraFrame | None, light: Light = DAYLIGHT, *, window: Window | None = None
-) -> Photo:
-    """Return the picture of a camera in this frame, or a window of it.
+class LinkCopies:
+    """Copies of links, drawn without everything else in a client of their own.
+
+    A picture of a few copies takes a tenth of one in which a robot is.
+
+    client: PyBullet's, in which the links are.
+    """
+
+    def __init__(self, client: int) -> None:
+        self._client, self._stage = client, bullet.connect(bullet.DIRECT)
+        self._copies: dict[tuple[int, int], list[tuple[int, VisualShape]]] = {}  # a body of the stage for each shape
+
+    def photograph(
+        self, links: Mapping[tuple[int, int], Sequence[float]], camera: Camera, frame: CameraFrame | None, light: Light
+    ) -> tuple[Photo, Array]:
+        """Return a photo of these links alone, opaque, and the opacity (H, W) of the link at each pixel.
+
+        links: their RGBA by (body, link). camera, frame, light: as in `rendering.photograph`.
+        """
+        for link in links:
+            if link not in self._copies:
+                self._copies[link] = self._copies_of(*link)
+        numbers, opacities = [], []  # of each body of the stage
+        for link, copies in self._copies.items():
+            color = links.get(link, INVISIBLE)
+            for copy, shape in copies:
+                numbers.append(link_number(*link))
+                opacities.append(color[3])
+                paint(copy, (*color[:3], float(link in links)), self._stage)
+                self._put(copy, shape)
+        photo = photograph(self._stage, camera, frame, light)  # its links are the bodies of the stage; -1: none
+        numbers_at = np.array([*numbers, -1], np.int32)[photo.links]
+        return replace(photo, links=numbers_at), np.array([*opacities, 0.0])[photo.links]
+
+    def close(self) -> None:
+        """Free the client."""
+        bullet.disconnect(self._stage)
+
+    def _copies_of(self, body: int, link: int) -> list[tuple[int, VisualShape]]:
+        shapes = [shape for shape in body_shapes(self._client, body) if shape.link == link]
+        return [(self._copy(shape), shape) for shape in shapes]
+
+    def _copy(self, shape: VisualShape) -> int:
+        """Return the body of a copy of a shape, in the stage."""
+        number = next(number for number, name in SHAPE_TYPES.items() if name == shape.type)
+        sizes: dict[str, dict[str, object]] = {
+            "box": {"halfExtents": [side / 2 for side in shape.size]},
+            "sphere": {"radius": shape.size[0]},
+            "mesh": {"fileName": str(shape.mesh), "meshScale": shape.size},
+        }
+        size = sizes.get(shape.type, {"length": shape.size[0], "radius": shape.size[1]})
+        visual = bullet.createVisualShape(number, physicsClientId=self._stage, **size)
+        return int(bullet.createMultiBody(0, -1, visual, physicsClientId=self._stage))
+
+    def _put(self, copy: int, shape: VisualShape) -> None:
+        """Put the copy of a shape where the shape is now."""
+        pose = link_pose(self._client, shape.body, shape.link)
+        place = bullet.multiplyTransforms(*pose, shape.position, shape.quaternion)
+        bullet.resetBasePositionAndOrientation(copy, *place, physicsClientId=self._stage)
+
+
+def _blended(behind: Photo, front: Photo, opacities: Array) -> Photo:
+    """Return `behind`, changed: through pixels that are nearer in `front` shines what is behind. opacities: (H, W)."""
+    nearer = front.depths < behind.depths
+    share = opacities[nearer][:, None]
+    behind.colors[nearer] = np.rint(share * front.colors[nearer] + (1 - share) * behind.colors[nearer])
+    behind.depths[nearer], behind.links[nearer] = front.depths[nearer], front.links[nearer]
+    return behind
+
+
+def photograph(client: int, camera: Camera, frame: CameraFrame | None, light: Light = DAYLIGHT) -> Photo:
+    """Return the picture of a camera in this frame.
 
     PyBullet draws half a pixel to the right and above of where a camera would see. For a camera with a frame that is
     made good, so that things are where `core.cameras.project` says. frame: None: as the camera is fixed in the
@@ -111,12 +179,10 @@ def photograph(
 
     See-through objects are drawn opaque; `Renderer.photograph` blends them.
     """
-    top, bottom, left, right = window or (0, camera.height, 0, camera.width)
-    size = bottom - top, right - left
+    size = camera.height, camera.width
     if frame is None:
-        return draw(client, size, fixed_view(camera), _projection(camera, (top, bottom, left, right)), light)
-    shifted = top - HALF, bottom - HALF, left + HALF, right + HALF
-    return draw(client, size, frame.view_matrix, _projection(camera, shifted), light)
+        return draw(client, size, fixed_view(camera), _projection(camera, 0.0), light)
+    return draw(client, size, frame.view_matrix, _projection(camera, HALF), light)
 
 
 def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> None:
@@ -124,24 +190,17 @@ def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> Non
     bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=client)
 
 
-def _projection(camera: Camera, window: tuple[float, float, float, float]) -> list[float]:
-    """OpenGL's projection matrix for a window of the camera's image."""
-    top, bottom, left, right = window
+def _projection(camera: Camera, shift: float) -> list[float]:
+    """OpenGL's projection matrix for the camera's image. shift: pixels, to the right and up."""
     pixel = 2 * NEAR_PLANE * np.tan(np.deg2rad(camera.fov) / 2) / camera.height  # metres, in the near plane
     x, y = camera.width / 2, camera.height / 2
-    sides = ((left - x) * pixel, (right - x) * pixel, (y - bottom) * pixel, (y - top) * pixel)
+    sides = ((shift - x) * pixel, (x + shift) * pixel, (shift - y) * pixel, (y + shift) * pixel)
     matrix: list[float] = bullet.computeProjectionMatrix(*sides, NEAR_PLANE, FAR_PLANE)
     return matrix
 
 
-def _window(covered: NDArray[np.bool_]) -> Window:
-    """Return the smallest window of an image in which all covered pixels (H, W) are."""
-    rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
-    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-
-
-def _in_mask(body: int, link: int) -> int:
-    """Return the number of a link in PyBullet's segmentation masks."""
+def link_number(body: int, link: int) -> int:
+    """Return the number of a link in a photo's `links`."""
     return body + ((link + 1) << 24)
 
 
@@ -173,39 +232,43 @@ class VisualShapes:
     def __init__(self, client: int) -> None:
         self._client = client
         self._bodies = [bullet.getBodyUniqueId(i, client) for i in range(bullet.getNumBodies(client))]
-        # Bullet gives the pose of a base's centre of mass, but the poses of shapes in the link's frame.
-        self._centres = {body: self._centre(body) for body in self._bodies}
 
     def shapes(self) -> list[VisualShape]:
         """Every visual shape in its current colour, always in the same order."""
-        listed = (bullet.getVisualShapeData(body, physicsClientId=self._client) for body in self._bodies)
-        return [self._visual_shape(shape) for shapes in listed for shape in shapes if shape[2] in SHAPE_TYPES]
+        return [shape for body in self._bodies for shape in body_shapes(self._client, body)]
 
     def poses(self, links: list[tuple[int, int]]) -> Array:
         """(len(links), 7) of these (body, link): position, metres, and quaternion (x, y, z, w)."""
-        return np.array([self._pose(body, link) for body, link in links])
+        poses = (link_pose(self._client, body, link) for body, link in links)
+        return np.array([[*position, *quaternion] for position, quaternion in poses])
 
-    def _visual_shape(self, shape: tuple) -> VisualShape:
-        body, link, number, size, file, position, quaternion, rgba = shape[:8]
-        mesh = Path(file.decode()) if number == bullet.GEOM_MESH else None
-        return VisualShape(
+
+def body_shapes(client: int, body: int) -> list[VisualShape]:
+    """Return the visual shapes of a body, in their current colours."""
+    return [
+        VisualShape(
             body=body,
             link=link,
             type=SHAPE_TYPES[number],
             size=size,
-            mesh=mesh,
+            mesh=Path(file.decode()) if number == bullet.GEOM_MESH else None,
             position=position,
             quaternion=quaternion,
             rgba=rgba,
         )
+        for _, link, number, size, file, position, quaternion, rgba, *_ in bullet.getVisualShapeData(
+            body, physicsClientId=client
+        )
+        if number in SHAPE_TYPES
+    ]
 
-    def _centre(self, body: int) -> tuple:
-        return bullet.getDynamicsInfo(body, BASE, self._client)[3:5]
 
-    def _pose(self, body: int, link: int) -> list[float]:
-        if link != BASE:
-            state = bullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=self._client)
-            return [*state[4], *state[5]]
-        pose = bullet.getBasePositionAndOrientation(body, self._client)
-        position, quaternion = bullet.multiplyTransforms(*pose, *bullet.invertTransform(*self._centres[body]))
-        return [*position, *quaternion]
+def link_pose(client: int, body: int, link: int) -> tuple[Sequence[float], Sequence[float]]:
+    """Return position, metres, and quaternion (x, y, z, w) of the frame in which the shapes of a link are given."""
+    if link != BASE:
+        state = bullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)
+        return state[4], state[5]
+    # Bullet gives the pose of a base's centre of mass.
+    pose, centre = bullet.getBasePositionAndOrientation(body, client), bullet.getDynamicsInfo(body, BASE, client)[3:5]
+    position, quaternion = bullet.multiplyTransforms(*pose, *bullet.invertTransform(*centre))
+    return position, quaternion

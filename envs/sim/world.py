@@ -19,7 +19,7 @@ from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture, Palm
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
 from envs.sim.object_pool import ObjectPool, PoolSpec, ShownObjects
-from envs.sim.rendering import DAYLIGHT, Array, Photo, Renderer, paint
+from envs.sim.rendering import DAYLIGHT, INVISIBLE, Array, Photo, Renderer, paint
 from envs.sim.robot import Robot
 from envs.sim.robot_config import RobotConfig
 from envs.sim.window import Window
@@ -32,7 +32,6 @@ MOVING_FILTER, FIXED_FILTER = (1, -1), (2, -3)
 CLEANED = 3  # steps within which Bullet takes a body at rest to be fixed; only then it looks for parted pairs
 SLEEP_STEPS = 3  # physics steps until a body that is put to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger
-INVISIBLE = (0.0, 0.0, 0.0, 0.0)
 CONTACT_BREAKING = 0.02  # metres, Bullet's own
 NO_DEVICES = DeviceSpec()
 
@@ -89,7 +88,7 @@ class SimulatedWorld:
     ) -> None:
         self.client = window.client if window is not None else without_zero_pages(lambda: bullet.connect(bullet.DIRECT))
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
-        self._window = window
+        self._window, self._renderer = window, Renderer(self.client)
         try:
             self._build(robot=robot, gripper=gripper, objects=objects, devices=devices, holds=holds, offers=offers)
             self._draw(True)
@@ -126,7 +125,7 @@ class SimulatedWorld:
         self.pool = ObjectPool(objects, self.client, self._visuals, self._physics.sleeping)
         self._pairs = CollisionPairs(self.client, self.pool.movable)  # nothing touches the person, who comes after
         self.person = self._make_person()
-        self._renderer, self._backdrop = Renderer(self.client), Backdrop(self.client, self.furniture.boxes)
+        self._backdrop = Backdrop(self.client, self.furniture.boxes)
         drawn = self._renderer if self._visuals else None
         self._shown = ShownObjects(
             pool=self.pool,
@@ -309,15 +308,21 @@ class SimulatedWorld:
         return self.furniture.values()
 
     def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
-        """(height, width, 3) the image of the camera, by default that of films. Needs visuals."""
-        return self._renderer.render(camera or self._workspace.film)
+        """(height, width, 3) the image of a camera that is fixed in the workspace. Needs visuals.
+
+        camera: None: that of films. The image of any other shows the furniture as the config says, drawn once.
+        """
+        if camera is None or self._window is not None:
+            return self._renderer.render(camera or self._workspace.film)
+        solid = partial(self._backdrop.photograph, camera)
+        return self._renderer.photograph(camera, CameraFrame.of(camera), solid=solid).colors
 
     def photograph(self, camera: Camera, gripper: tuple[Array, Array], light: Light = DAYLIGHT) -> Photo:
         """Return what a camera sees, without the cone along a pointing finger. Needs visuals.
 
         gripper: position (3,), metres, and rotation (3, 3) of the gripper's centre, where cameras may be mounted.
         """
-        return self._renderer.photograph(camera, CameraFrame.of(camera, gripper), light, self._cones())
+        return self._renderer.photograph(camera, CameraFrame.of(camera, gripper), light, without=self._cones())
 
     def picture(self, camera: Camera, gripper: tuple[Array, Array]) -> NDArray[np.uint8]:
         """(height, width, 3) the colors of `photograph`, sooner: for a fixed camera furniture is drawn once.
@@ -326,7 +331,8 @@ class SimulatedWorld:
         """
         if camera.mount != "workspace" or self._window is not None:  # in a window the furniture would flicker
             return self.photograph(camera, gripper).colors
-        return self._renderer.blended(partial(self._backdrop.photograph, camera), self._cones()).colors
+        solid = partial(self._backdrop.photograph, camera)
+        return self._renderer.photograph(camera, CameraFrame.of(camera), without=self._cones(), solid=solid).colors
 
     def _cones(self) -> list[tuple[int, int]]:
         """Return (body, link) of the cone along the person's finger."""
@@ -339,6 +345,7 @@ class SimulatedWorld:
 
     def close(self) -> None:
         """Free the client. Idempotent."""
+        self._renderer.close()
         if self.client >= 0 and self._window is not None:
             self._window.close()
         elif self.client >= 0:
