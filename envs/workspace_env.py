@@ -450,6 +450,10 @@ class WorkspaceEnv(EpisodeReplayEnv):
         gripper = pose.position[world], pose.rotation[world]
         return self._worlds[world].picture(self.config.workspace.cameras[camera], gripper)
 
+    def film(self, world: int = 0) -> NDArray[np.uint8]:
+        """(height, width, 3) a world as videos show it: from the side of those whose left and right are meant."""
+        return self._worlds[world].render(self.config.workspace.film_from(self.config.task.viewpoint))
+
     def close(self, *, raise_if_closed: bool = True) -> None:
         self._gestures.close()
         if self._drawn_scenes is not None:

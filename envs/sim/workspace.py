@@ -21,6 +21,8 @@ from human import Camera, HumanConfig
 
 PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of the drawn parts of a board, and their height above the table
 FILM = "film"  # the name of the camera that takes the pictures of films
+VIDEO = 1.5  # times as wide and high as the pictures of that camera are videos: 720 pixels, not 480
+ROBOTS_SIDE = -30.0  # degrees, the yaw of a camera that looks past the robot at the table
 HANDLE = "handle"  # the part of a fitting by which a gripper holds it
 AROUND = 0.02  # metres between objects and the end of a robot's reach, so that the gripper gets around them
 
@@ -189,6 +191,17 @@ class WorkspaceConfig(Checked):
     def film(self) -> Camera:
         """The camera that takes the pictures of films."""
         return self.cameras[FILM]
+
+    def film_from(self, viewpoint: str) -> Camera:
+        """Return the camera of videos, on the side of those whose left and right are meant.
+
+        There, what is left of a thing is left of it in the picture. viewpoint: of `language.VIEWPOINTS`.
+        """
+        width, height = round(VIDEO * self.film.width), round(VIDEO * self.film.height)
+        camera = replace(self.film, width=width, height=height)
+        if (math.sin(math.radians(camera.yaw)) < 0) == (viewpoint == "robot"):
+            return camera
+        return replace(camera, yaw=ROBOTS_SIDE if viewpoint == "robot" else -camera.yaw)
 
     def named_cameras(self, key: str, names: Sequence[str]) -> dict[str, Camera]:
         """Return these cameras, by name. key: that asks for them. Raises ConfigError for a name that is not known."""

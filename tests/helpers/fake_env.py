@@ -30,6 +30,7 @@ class FakeEnv(EpisodeReplayEnv):
     action_unit = (1.0, 1.0, 1.0)
     moves_referent = False
     tokenizer = SimpleNamespace(vocabulary=WORDS)
+    config = SimpleNamespace(task=SimpleNamespace(whose_left="left is y"))
 
     def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0, poisoned: str = "reward") -> None:
         super().__init__(batch_size=[worlds])
@@ -130,7 +131,7 @@ class FakeEnv(EpisodeReplayEnv):
             self.batch_size,
         )
 
-    def render(self) -> torch.Tensor:
+    def film(self) -> torch.Tensor:
         return np.full((96, 128, 3), 200, np.uint8)  # type: ignore[return-value]
 
 

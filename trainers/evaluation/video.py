@@ -13,9 +13,10 @@ from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-LINE_HEIGHT, MARGIN = 20, 5  # of the caption, in pixels
+WIDTH = 480  # pixels of a frame whose caption has the sizes below; wider frames have larger letters
+LINE_HEIGHT, MARGIN, LETTERS, SMALL = 20, 5, 14, 11  # of the caption, pixels
 SENTENCE_LINES = 2  # lines for the instruction, above the line of the outcome
-OUTCOME_FRAMES = 10  # for which the outcome is shown
+OUTCOME_FRAMES = 30  # for which the outcome is shown
 
 
 @torch.no_grad()
@@ -23,7 +24,7 @@ def record_video(env: EnvBase, policy: TensorDictModuleBase, path: Path, episode
     """Record episodes of world 0 under the deterministic policy.
 
     Args:
-        env: built for rendering.
+        env: built for rendering, with `film` and `config.task.whose_left`.
         policy: writes "action"; it does not receive the privileged keys.
         path: of the mp4 file.
         episodes: their number.
@@ -33,16 +34,16 @@ def record_video(env: EnvBase, policy: TensorDictModuleBase, path: Path, episode
         The outcome of each episode.
     """
     outcomes: list[str] = []
-    state = env.reset()
+    state, note = env.reset(), env.config.task.whose_left
     with open_video(path, fps) as video, set_exploration_type(ExplorationType.DETERMINISTIC):
         while len(outcomes) < episodes:
             sentence = sentence_of(state)
-            video.append_data(add_caption(env.render(), sentence))
+            video.append_data(add_caption(env.film(), sentence, note=note))
             state["action"] = policy(state.exclude("privileged"))["action"]
             step = env.step(state)
             if step["next", "done"][0]:
                 outcomes.append(outcome_of(step["next"]))
-                last = add_caption(env.render(), sentence, outcomes[-1])  # rendered before the reset
+                last = add_caption(env.film(), sentence, outcomes[-1], note)  # filmed before the reset
                 for _ in range(OUTCOME_FRAMES):
                     video.append_data(last)
             state = env.maybe_reset(env.step_mdp(step))
@@ -69,19 +70,20 @@ def add_caption(frame: np.ndarray, sentence: str, outcome: str = "", note: str =
     note: a last line in small grey letters.
     """
     height, width = frame.shape[0], frame.shape[1]
-    rows = SENTENCE_LINES + 1 + bool(note)
-    size = (width + width % 2, height + height % 2 + rows * LINE_HEIGHT)
-    image = Image.new("RGB", size, "black")
+    scale, rows = max(1.0, width / WIDTH), SENTENCE_LINES + 1 + bool(note)
+    line, margin = round(scale * LINE_HEIGHT), round(scale * MARGIN)
+    caption = rows * line
+    image = Image.new("RGB", (width + width % 2, height + height % 2 + caption + caption % 2), "black")
     image.paste(Image.fromarray(frame), (0, 0))
-    draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=14)
-    lines = wrap_text(sentence or "(no words)", width - 2 * MARGIN, font)[:SENTENCE_LINES]
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=scale * LETTERS)
+    lines = wrap_text(sentence or "(no words)", width - 2 * margin, font)[:SENTENCE_LINES]
     for row, text in enumerate(lines):
-        draw.text((MARGIN, height + row * LINE_HEIGHT), text, fill="white", font=font)
+        draw.text((margin, height + row * line), text, fill="white", font=font)
     colour = "lightgreen" if outcome == "success" else "orange"
-    draw.text((MARGIN, height + SENTENCE_LINES * LINE_HEIGHT), outcome, fill=colour, font=font)
+    draw.text((margin, height + SENTENCE_LINES * line), outcome, fill=colour, font=font)
     if note:
-        place = (MARGIN, height + (SENTENCE_LINES + 1) * LINE_HEIGHT)
-        draw.text(place, note, fill="#a0a0a0", font=ImageFont.load_default(size=11))
+        place = (margin, height + (SENTENCE_LINES + 1) * line)
+        draw.text(place, note, fill="#a0a0a0", font=ImageFont.load_default(size=scale * SMALL))
     return np.asarray(image)
 
 

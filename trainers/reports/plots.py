@@ -13,8 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
+from trainers.config import EvalConfig
+from trainers.evaluation.evaluation import wilson
 from trainers.reports.evaluation_text import bin_name
 from trainers.run.metrics import read_metrics
+from trainers.run.progress import WINDOW, RecentSuccess
 from trainers.sweeps.runs import RunRecord
 from trainers.utils.files import atomic_path
 
@@ -26,8 +29,8 @@ PANELS = {  # measure in a result's "by_pointing" -> label of its axis
     "stray": "angular error of the ray / angle to the nearest rival",
 }
 CURVES = {  # column of metrics.csv -> label and style of its line
-    "train/success": ("success in training", "-"),
-    "eval/success_at_end": ("success of the deterministic policy", "o-"),
+    "train/success": (f"success in training, mean of {WINDOW} episodes", "-"),
+    "eval/success_at_end": ("success of the deterministic policy, 95 %", "o-"),
     "eval/wrong_object": ("wrong object", "x--"),
     "grounding/accuracy": ("grounding accuracy", ":"),
 }
@@ -38,27 +41,52 @@ LOSS_POINTS = 60  # of a loss curve
 STYLES = ("-", "--", ":")
 
 
-def learning_curve(metrics: Path, target: Path) -> None:
+def learning_curve(metrics: Path, target: Path, config: Mapping[str, Any], evaluation: EvalConfig) -> None:
     """Plot success against frames, in training with exploration noise and of the deterministic policy.
+
+    Training's is the mean of the last `WINDOW` episodes. The policy's has Wilson's 95 % interval.
 
     Args:
         metrics: path of metrics.csv.
         target: path of the image.
+        config: of the run; tells what was trained.
+        evaluation: tells of how many episodes an evaluation is.
     """
     rows = read_metrics(metrics)
     figure = Figure(figsize=(7, 4))
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
+    recent = RecentSuccess()
+    rows = [row | {"train/success": recent.add(row)} for row in rows]
     for name, (label, style) in CURVES.items():
         points = [(row["frames"], row[name]) for row in rows if math.isfinite(row.get(name, math.nan))]
         if points:
-            axes.plot(*zip(*points, strict=True), style, label=label)
-    axes.set(xlabel="frames", ylim=(-0.02, 1.02))
+            (line,) = axes.plot(*zip(*points, strict=True), style, label=label)
+            if name == "eval/success_at_end":
+                frames, low, high = _intervals(points, evaluation)
+                axes.fill_between(frames, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
+    axes.set(xlabel="frames (control steps of all worlds)", ylabel="share of episodes", ylim=(-0.02, 1.02))
+    axes.set_title(_what_was_trained(config), fontsize="medium")
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     axes.grid(alpha=0.3)
     if axes.lines:
-        axes.legend(loc="lower right")
+        axes.legend(loc="lower right", fontsize="small")
     with atomic_path(target) as temporary:
         figure.savefig(temporary, dpi=120, bbox_inches="tight")
+
+
+def _intervals(points: Sequence[tuple[float, float]], evaluation: EvalConfig) -> np.ndarray:
+    """(3, P) frames and Wilson's 95 % interval of each of the evaluations, whose frames and success `points` has."""
+    counts = [evaluation.interval_episodes] * (len(points) - 1) + [evaluation.episodes]
+    ends = [(frames, *wilson(round(share * n), n)) for (frames, share), n in zip(points, counts, strict=True)]
+    return np.array(ends).T
+
+
+def _what_was_trained(config: Mapping[str, Any]) -> str:
+    """Return task, robot, control mode, algorithm and seed of a run, in a line; without those that its config lacks."""
+    names = [config[group]["name"] for group in ("task", "robot", "control", "algo") if group in config]
+    names += [f"seed {config['seed']}"] if "seed" in config else []
+    return ", ".join(names)
 
 
 def pointing_plot(by_pointing: Mapping[str, Sequence[Mapping[str, Any]]], target: Path, title: str) -> None:

@@ -25,6 +25,23 @@ LINE_SECONDS = 10.0
 WINDOW = 100  # training episodes over which success is averaged: a single row may hold one or two, and the shortest
 
 
+class RecentSuccess:
+    """The mean success of the last `WINDOW` training episodes, in whole rows of metrics.csv."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, float]] = deque()  # number of episodes and their success, of the last rows
+
+    def add(self, row: Mapping[str, float]) -> float:
+        """Add a row, and return the mean; NaN before the first episode."""
+        count = row.get("train/episodes", 0.0)
+        if count:
+            self._rows.append((count, row["train/success"]))
+        total = sum(count for count, _ in self._rows)
+        while self._rows and total - self._rows[0][0] >= WINDOW:
+            total -= self._rows.popleft()[0]
+        return sum(count * success for count, success in self._rows) / total if total else math.nan
+
+
 class Progress:
     """Shows at once that a run starts, then the rows of metrics.csv as they are measured. A context manager.
 
@@ -36,7 +53,7 @@ class Progress:
     def __init__(self, total: int, shown: bool = True) -> None:
         self.total = total
         self.values: dict[str, str] = {}
-        self.recent: deque[tuple[float, float]] = deque()  # number of episodes and their success, of the last rows
+        self.recent = RecentSuccess()
         self.line_at = -math.inf  # seconds of the run at the last line
         self.prints_lines = shown and not sys.stderr.isatty()
         tqdm.set_lock(RLock())  # its own is a semaphore of all processes, which a killed run would leave in /dev/shm
@@ -68,7 +85,7 @@ class Progress:
         status: further values by their labels, for the bar alone.
         """
         shown = {label: row.get(name, math.nan) for name, label in LABELS.items() if name not in EVALUATED}
-        shown[LABELS["train/success"]] = self._training_success(row)
+        shown[LABELS["train/success"]] = self.recent.add(row)
         self.values |= {label: f"{value:.2f}" for label, value in shown.items() if math.isfinite(value)}
         if self.prints_lines and row["time/total"] - self.line_at >= LINE_SECONDS:
             self.line_at = row["time/total"]
@@ -87,13 +104,3 @@ class Progress:
     def _print(self, frames: float, seconds: float, values: Mapping[str, str]) -> None:
         text = ", ".join(f"{label} {values[label]}" for label in LABELS.values() if label in values)
         print(f"{frames:.0f} of {self.total} frames, {seconds:.0f} s: {text}", flush=True)
-
-    def _training_success(self, row: Mapping[str, float]) -> float:
-        """Return the mean success of the last `WINDOW` training episodes, in whole rows; NaN before the first one."""
-        count = row.get("train/episodes", 0.0)
-        if count:
-            self.recent.append((count, row["train/success"]))
-        total = sum(count for count, _ in self.recent)
-        while self.recent and total - self.recent[0][0] >= WINDOW:
-            total -= self.recent.popleft()[0]
-        return sum(count * success for count, success in self.recent) / total if total else math.nan

@@ -451,7 +451,7 @@ def write_report(
     if run.rows:
         run.finish(evaluation, metrics)
     write_checked_json(run.folder / "eval.json", result)
-    learning_curve(run.folder / "metrics.csv", run.folder / "learning_curve.png")
+    learning_curve(run.folder / "metrics.csv", run.folder / "learning_curve.png", run.config, config)
     if video is not None:
         run.evaluator.finish_video()
     return result

@@ -25,6 +25,7 @@ from language import (
     ObjectSpec,
     Split,
     from_lists,
+    whose_left,
 )
 
 SLOTS = 8  # the most objects and targets of an episode
@@ -296,6 +297,11 @@ class TaskConfig(Checked):
         if self.levels > 1:
             return STACKED_SLOTS
         return ROOM_SLOTS + self.hand if self.devices else SLOTS
+
+    @property
+    def whose_left(self) -> str:
+        """Whose left, right and front are meant, in words."""
+        return whose_left(self.viewpoint)
 
     def sentence_split(self) -> Split:
         """Return the split of the sentences, with what it holds out. Raises LanguageError if no sentence is left."""

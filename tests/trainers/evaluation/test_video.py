@@ -16,14 +16,20 @@ def test_a_video_has_a_caption_and_even_sides(tmp_path):
     outcomes = record_video(make_env(1, 0), EXPERT, tmp_path / "video.mp4", episodes=2)
     assert len(outcomes) == 2
     assert (tmp_path / "video.mp4").stat().st_size > 1000
-    frame = make_env(1, 0).render()
+    frame = make_env(1, 0).film()
     written, blank = add_caption(frame, "touch the red"), add_caption(frame, " ")
     assert (written != blank).any()
     assert not any(side % 2 for side in written.shape[:2])
 
 
+def test_letters_grow_with_the_frame():
+    small, large = np.zeros((360, 480, 3), np.uint8), np.zeros((540, 720, 3), np.uint8)
+    heights = [add_caption(frame, "touch the red", note="the robot's").shape[0] for frame in (small, large)]
+    assert heights == [360 + 80, 540 + 120]
+
+
 def test_a_long_sentence_is_wrapped_into_two_lines(tmp_path):
-    frame = make_env(1, 0).render()
+    frame = make_env(1, 0).film()
     words = "put it there " * (frame.shape[1] // 60)
     assert ImageFont.load_default(size=14).getlength(words) > frame.shape[1]
     height = frame.shape[0]
