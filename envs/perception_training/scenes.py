@@ -27,7 +27,7 @@ from envs.perception.detections import View
 from envs.perception.network import camera_numbers
 from envs.sim.appearance import Appearance
 from envs.sim.devices import DEVICES
-from envs.sim.rendering import Photo
+from envs.sim.rendering import Photo, link_number
 from envs.workspace_env import WorkspaceEnv
 from language import FITTINGS, HAND, NOUNS, SHAPES, color_table
 
@@ -39,6 +39,8 @@ NOUN_NAMES = tuple(NOUNS)
 LABEL = ("u", "v", "height", "size", "noun", "color", "target", "turn", "share", "state")
 SEEN, IGNORED = 1.0, -1.0  # of `state`; 0: there is nothing
 ENOUGH, HARDLY = 0.3, 0.06  # visible shares of a thing from which it is seen, and below which it isn't
+STRIP = 20  # visible pixels of the moving part of a fitting from which it is seen
+FITTING_NUMBERS = [NOUN_NAMES.index(noun) for noun in FITTINGS]
 SETUPS: tuple[tuple[str, ...], ...] = (
     ("task=nl_reach", "task.num_objects=6"),
     ("task=nl_reach", "task.num_objects=4", "task.object_size=0.04", "robot=panda"),
@@ -298,6 +300,11 @@ class SceneSource:
             count = float((photo.links == body).sum())
             share = count / (camera.focal * things.sizes[k] / depth) ** 2
             return SEEN if share > ENOUGH else IGNORED if share > HARDLY else 0.0
+        if things.nouns[k] in FITTING_NUMBERS:
+            part = self._world._shown.holdable[k]
+            # A drawer is known by its front where a hand hides the handle.
+            if (photo.links == link_number(part.body, part.link)).sum() > STRIP:
+                return SEEN
         near = photo.depths[v - 1 : v + 2, u - 1 : u + 2]
         free = (near > depth - (0.1 if NOUN_NAMES[things.nouns[k]] == HAND else 0.05)).sum()
         return SEEN if free >= 5 else IGNORED if free else 0.0
