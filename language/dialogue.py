@@ -46,6 +46,8 @@ _NOTHING = {
 }
 _SPEED = "my arm keeps its own speed; the clock has a speed, under Time"
 _NEXT = "Say what I shall do next"
+_FROM_HERE = "I begin where my arm is"
+_JOINS = (",", "and", "then", ";")
 
 
 _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
@@ -99,6 +101,10 @@ class Dialogue(Conditions):
         words = [word for part in parts for word in part.words]
         if not words:
             return Refusal(sentence, span=span, text="I did not get any words", suggestions=offers(world))
+        if (rest := _after_home(sentence)) is not None:
+            outcome = self._answer(rest, made)
+            if isinstance(outcome, Plan) and outcome.steps:
+                return replace(outcome, sentence=sentence, notes=(_FROM_HERE, *outcome.notes))
         signal = self._signal(sentence, words) if not made else None
         if signal is not None:
             return signal
@@ -535,12 +541,23 @@ def _without_idle(sentence: str, parts: list[Part]) -> str:
     return sentence
 
 
+def _after_home(sentence: str) -> str | None:
+    """Return a sentence with blanks in place of "go home and then" at its beginning; None: it does not say so."""
+    tokens = [token for token in scan(sentence) if token.text not in ".!?"]
+    words = [token.text for token in tokens]
+    end = next((at for at, word in enumerate(words) if word in _JOINS), 0)
+    begin = next((at for at in range(end, len(words)) if words[at] not in _JOINS), None)
+    if not end or begin is None or act_of(words[:end]) != "home":
+        return None
+    return " " * tokens[begin].start + sentence[tokens[begin].start :]
+
+
 def _without_home(sentence: str) -> tuple[str, bool]:
     """Return a sentence without "and then go home" at its end, and whether it says so."""
     tokens = [token for token in scan(sentence) if token.text not in ".!?"]
     for at, token in enumerate(tokens[:-1]):
-        rest = [each.text for each in tokens[at + 1 :] if each.text not in (",", "and", "then")]
-        if token.text in (",", "and", "then", ";") and at and act_of(rest) == "home":
+        rest = [each.text for each in tokens[at + 1 :] if each.text not in _JOINS]
+        if token.text in _JOINS and at and act_of(rest) == "home":
             return sentence[: tokens[at - 1].end], True
     return sentence, False
 

@@ -520,6 +520,9 @@ def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase,
         moved = np.hypot(x - thing.x, y - thing.y) > 0.004
         return moved & ((now < before - 0.022) if relation.name == "toward" else (now > before + 0.012))
 
+    if relation.name == "farthest" and not bit:
+        corners = [(x, y) for x in world.bounds[:2] for y in world.bounds[2:]]
+        return _Wish(*max(corners, key=lambda corner: math.dist(corner, (other.x, other.y))), fits, what=what)
     said = abs(step) * (relation.measure is not None and relation.measure.unit != "bit")
     return _Wish(thing.x + ux * step, thing.y + uy * step, fits, what=what, length=said)
 

@@ -1,5 +1,6 @@
 """What visitors said that was once done wrong, refused without help, or answered with what is not so."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -436,3 +437,43 @@ def test_a_bit_more_is_the_same_again():
     dialogue = Dialogue()
     dialogue.answer("turn the wheel", room())
     assert steps(dialogue.answer("bit more", dialogue.now)) == [("turn", WHEEL)]
+
+
+def test_what_follows_going_home_is_done_from_where_the_arm_is():
+    outcome = Dialogue().answer("go back to the start, then put the red cube in the drawer", room())
+    assert isinstance(outcome, Plan)
+    assert steps(outcome) == [("open", DRAWER), ("put_in", RED)]
+    assert "I begin where my arm is" in outcome.notes
+    for only in ("go home, please", "go home"):
+        assert Dialogue().answer(only, room()).control == "home"
+
+
+def test_as_far_as_possible_is_farther_than_away():
+    world = room()
+    fridge = world.things[FRIDGE]
+    apart = []
+    for where_to in (
+        "away from the fridge",
+        "as far from the fridge as you can",
+        "as far away as possible from the fridge",
+    ):
+        result = Dialogue().answer(f"put the red cube {where_to}", world).result
+        apart.append(math.dist((result.things[RED].x, result.things[RED].y), (fridge.x, fridge.y)))
+    assert apart[1] == apart[2] > apart[0] + 0.1
+
+
+@pytest.mark.parametrize("sentence", ["leave the red cube alone", "please let the wheel be"])
+def test_what_is_to_be_left_alone_is_not_moved(sentence):
+    outcome = Dialogue().answer(sentence, room())
+    assert isinstance(outcome, Answer)
+    assert "I do not" in outcome.text
+
+
+def test_it_is_what_was_not_to_be_touched():
+    outcome = Dialogue().answer("don't touch the red cube but pick up the one next to it", room())
+    assert isinstance(outcome, Plan)
+    assert steps(outcome)[0][1] != RED
+
+
+def test_why_a_thing_has_its_colour_is_not_known():
+    assert isinstance(Dialogue().answer("why is the fridge red?", room()), Refusal)
