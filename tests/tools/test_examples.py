@@ -2,12 +2,15 @@
 
 import importlib.util
 import json
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 import record
+from trainers.environment import TrainingEnv
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -43,6 +46,50 @@ def test_a_recording_is_imitated(kind, tmp_path, monkeypatch):
     folder = tmp_path / "demos-v0"
     record.main(["expert=true", "task=reach", "episodes=8", f"format={kind}", f"out={folder}"])
     assert example("imitation").main([str(folder), "--steps", "300", "--episodes", "20"]) > 0
+
+
+@pytest.mark.slow
+def test_our_trainers_learn_in_a_gymnasium_environment_with_goals(tmp_path, capsys):
+    words = ["algo=sac", "total_frames=2400", "algo.learning_starts=500", "collector.worlds=4", "collector.workers=1"]
+    result = example("goal_env").main(["Deixis/Reach-v0", *words, "eval.episodes=20", "--folder", str(tmp_path)])
+    assert result["frames"] == 2400
+    assert 0 <= result["success_at_end"] <= 1
+    assert json.loads(capsys.readouterr().out.splitlines()[-1]) == {"success_at_end": result["success_at_end"]}
+
+
+@pytest.fixture(scope="module")
+def goal_worlds():
+    goal_env = example("goal_env")
+    with closing(goal_env.GoalWorlds("Deixis/Reach-v0", goal_env.measure_bounds("Deixis/Reach-v0"), 2)) as env:
+        yield env
+
+
+def test_worlds_with_goals_are_a_training_env_whose_episodes_can_be_continued(goal_worlds):
+    assert isinstance(goal_worlds, TrainingEnv)
+    goal_worlds.set_seed(1)
+    frames = goal_worlds.rollout(5)
+    beginnings = list(goal_worlds.beginnings)
+    goal_worlds.continue_episodes(beginnings, frames["action"], torch.tensor([5, 5]))
+    assert torch.equal(goal_worlds.reset()["robot"], frames[:, -1]["next", "robot"])
+
+
+def test_hindsight_of_worlds_with_goals_ends_where_the_new_goal_is_achieved(goal_worlds):
+    goal_worlds.set_seed(2)
+    episodes = [goal_worlds.rollout(20)[i] for i in range(2)]
+    relabelled = goal_worlds.hindsight(episodes, 0)
+    assert relabelled
+    for frames in relabelled:
+        goal, achieved = frames["next", "privileged", "goal"], frames["next", "robot"][:, -3:]
+        apart = (goal - achieved).norm(dim=-1)
+        assert frames["next", "reward"][-1] == 0
+        assert (frames["next", "reward"][:-1] < 0).all()
+        assert apart[-1] < apart[:-1].min()
+
+
+@pytest.mark.parametrize(("name", "said"), [("Nothing-v0", "not known"), ("CartPole-v1", "desired_goal")])
+def test_an_environment_without_goals_is_refused(name, said):
+    with pytest.raises(SystemExit, match=said):
+        example("goal_env").main([name])
 
 
 def notebook_cells():
