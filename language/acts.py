@@ -58,7 +58,12 @@ class Part(NamedTuple):
 @cache
 def _phrases() -> dict[tuple[str, ...], str]:
     """Return the phrases of signals, replies and small talk, each with what it does."""
-    tables = {**CONTROLS, **TABLE["replies"], "social": TABLE["social"], "polite": TABLE["polite"]}
+    tables = {
+        **CONTROLS,
+        **TABLE["replies"],
+        "social": f"{TABLE['social']}, {TABLE['invitations']}",
+        "polite": TABLE["polite"],
+    }
     found = ((act, _plain(t.text for t in scan(p))) for act, text in reversed(tables.items()) for p in phrases(text))
     return {words: act for act, words in found if words}
 

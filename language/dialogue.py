@@ -25,6 +25,7 @@ from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, 
 from language.planning import CARRY, Planner
 from language.questions import Questions
 from language.remarks import command as command_word
+from language.remarks import is_chat
 from language.replies import LITTLE
 from language.revising import further, opposite, partly_back, pinned, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
@@ -105,6 +106,11 @@ class Dialogue(Conditions):
             outcome = self._answer(rest, made)
             if isinstance(outcome, Plan) and outcome.steps:
                 return replace(outcome, sentence=sentence, notes=(_FROM_HERE, *outcome.notes))
+        telling = [part for part in parts if part.act is not None or not is_chat(part.words)]
+        if telling and all(
+            part.act in (*IDLE, "home", "undo", "again") for part in telling
+        ):  # "back off, I see nothing"
+            words = [word for part in telling for word in part.words]
         signal = self._signal(sentence, words) if not made else None
         if signal is not None:
             return signal
@@ -129,7 +135,18 @@ class Dialogue(Conditions):
             return replace(outcome, notes=(*outcome.notes, "after that I go back to my rest position"))
         if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
             return outcome
-        return self._aside(sentence, parts, outcome) or outcome
+        return self._aside(sentence, parts, outcome) or self._beside_chat(sentence, parts, made) or outcome
+
+    def _beside_chat(self, sentence: str, parts: list[Part], made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return what the other parts of a sentence come to, where a part is chat in words that are not all known."""
+        for part in parts if len(parts) > 1 else ():
+            if part.mark != "?" and (part.act == "social" or (part.act is None and is_chat(part.words))):
+                mark = len(sentence[part.end :]) - len(sentence[part.end :].lstrip(" ,;:!-"))
+                rest = f"{sentence[: part.start]}{' ' * (part.end + mark - part.start)}{sentence[part.end + mark :]}"
+                outcome = self.copy()._answer(rest, made)
+                if not isinstance(outcome, Refusal) and (not isinstance(outcome, Question) or outcome.choices):
+                    return replace(outcome, sentence=sentence)
+        return None
 
     def _stated(self, sentence: str, parts: list[Part]) -> Answer | None:
         """Return the answer to a sentence that only says how something is, or what has happened."""
@@ -512,6 +529,8 @@ def _social(sentence: str, world: WorldModel) -> Answer:
     thanks = re.search(r"\bthan(?:k|x)", sentence.lower()) is not None
     if says(sentence, "farewells"):
         return Answer(sentence, 1.0, text="You are welcome. Goodbye" if thanks else "Goodbye")
+    if says(sentence, "invitations"):
+        return Answer(sentence, 1.0, text=abilities(world))
     if thanks:
         text = "You are welcome"
     elif says(sentence, "greetings"):

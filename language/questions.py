@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from language.lattice import Lattice
 from language.normalise import questions
 from language.planning import Planner
-from language.scanning import COLOR, Token, scan
+from language.scanning import COLOR, THING, Token, scan
 from language.self_answers import SelfAnswers
 from language.talk import holds, listed, name, phrase, real, seen, state, where
 from language.words import GROUPS, colors, nouns, phrases
@@ -49,7 +49,12 @@ _OPERATED = {
 }
 _GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to")  # a phrase that ends so is not whole
 _SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
+_CLOSE = r"(?:right|directly|just|immediately)"
 _BEST = r"\b(?:closest|nearest|farthest|furthest|most)\b"
+_SEVERAL = re.compile(  # between two questions
+    r" (?:, )?(?:and |but |, )(?:also )?(?=(?:how|where|what|which|who|why)\b"
+    r"|(?:is|are|do|does|did|has|have|can) (?!in\b|on\b|at\b|next\b|under\b|behind\b|near\b|left\b|right\b|not\b))"
+)
 _GRIPPER = r"\b(?:gripper|your hand|claw|your fingers|you)\b"
 
 
@@ -79,7 +84,20 @@ class Questions(SelfAnswers):
         self.things: list[int] = []  # that were asked about
 
     def answer(self, asked: str) -> str | None:
-        """Return the answer in a sentence; None if it is not known."""
+        """Return the answer in a sentence, or one for each of several questions; None if it is not known."""
+        parts = _SEVERAL.split(asked)
+        if len(parts) > 1:
+            told = [self._answer_to_next(part) for part in parts]
+            if None not in told:
+                return " ".join(dict.fromkeys(each for each in told if each))
+        return self._answer(asked)
+
+    def _answer_to_next(self, asked: str) -> str | None:
+        told = self._answer(asked)
+        self.planner.it = tuple(self.things) or self.planner.it
+        return told
+
+    def _answer(self, asked: str) -> str | None:
         asked = re.sub(
             r" (?:still|currently|actually|right now|at moment|presently)\b(?! (?:open|closed|there))", "", asked
         )
@@ -135,10 +153,15 @@ class Questions(SelfAnswers):
             "cube|block", text
         ):
             return [i for i, thing in enumerate(self.world.things) if not thing.target and i != self.world.hand]
-        if re.fullmatch(r"(?:of )?(?:two|both|them|these|those|they|these two|those two)(?: ones)?", text):
+        if re.fullmatch(
+            r"(?:(?:any|one|some|either) )?(?:of )?(?:two|both|them|these|those|they|these two|those two)(?: ones)?",
+            text,
+        ):
             return [*self.planner.it] if len(self.planner.it) > 1 else [*self.world.containers]
         if re.fullmatch(r"(?:it|that|this|that one|this one|there|inside)", text):
             return list(self.planner.it[:1]) or ([self.planner.box] if self.planner.box is not None else None)
+        if beside := re.search(rf"\b{_CLOSE} (?={_SIDE}\b(?: of)? (?P<anchor>.+))", text):
+            return self._nearest(self.refs(text.replace(beside[0], ""))[1], beside["anchor"]) or None
         parts = [self.refs(part) for part in re.split(r" (?:and|or|,) (?:(?:and|or) )?", text)]
         if any(entity is None for entity, _ in parts):
             return None
@@ -149,9 +172,11 @@ class Questions(SelfAnswers):
     def predicate(self, text: str) -> Predicate | None:
         """Return what some words state of things; None if they state nothing that is known."""
         negated = bool(re.search(r"\bnot\b|\bno longer\b", text)) and not text.endswith("or not")
+        close = re.search(rf"\b{_CLOSE} {_SIDE}\b", text)
         plain = _ADDING.sub("", f"{text} ").strip()
         plain = re.sub(r"^(?:to be|in|on) (?=open|closed|empty|free)", "", plain)
-        found = self._state(plain) or self._content(plain) or self._place(plain)
+        plain = plain.removeprefix("right ") if close else plain
+        found = self._state(plain) or self._content(plain) or self._place(plain, close is not None)
         if found is None or not negated:
             return found
         return Predicate(lambda i: None if (so := found.holds(i)) is None else not so, found.about)
@@ -211,7 +236,8 @@ class Questions(SelfAnswers):
         things = self.subject(what)
         return Predicate(lambda i: bool(set(world.contents(i)) & set(things)), "content") if things else None
 
-    def _place(self, plain: str) -> Predicate | None:
+    def _place(self, plain: str, close: bool = False) -> Predicate | None:
+        """Return the predicate of what is somewhere. close: only the nearest is."""
         world = self.world
         if re.fullmatch(r"(?:in|inside|in there|in it|inside it)", plain):
             boxes = [self.planner.box] if self.planner.box is not None else list(world.containers)
@@ -238,7 +264,17 @@ class Questions(SelfAnswers):
             or not (entity.relations or entity.superlative or entity.sides)
         ):
             return None
+        found = self._nearest(found, re.sub(rf"^{_SIDE}(?: of)? ", "", plain)) if close else found
         return Predicate(lambda i: i in found, "place")
+
+    def _nearest(self, things: list[int], anchor: str) -> list[int]:
+        """Return the one of some things that is nearest to what an anchor names."""
+        anchors = self.subject(anchor)
+        loose = [i for i in things if self.world.is_loose(i)] or things
+        if not anchors:
+            return things
+        x, y = self.world.things[anchors[0]].x, self.world.things[anchors[0]].y
+        return sorted(loose, key=lambda i: math.hypot(self.world.things[i].x - x, self.world.things[i].y - y))[:1]
 
     def _told(self, index: int, about: str) -> str:
         """Return what is so of a thing."""
@@ -330,6 +366,22 @@ class Questions(SelfAnswers):
             told = self._told(things[0], "place")
         return told
 
+    def nearer(self, match: re.Match[str]) -> str | None:
+        """Say which of two a thing is nearer to, or farther from."""
+        what, how, *others = match.groups()
+        things, ends = self.subject(what), [self.subject(each) for each in others]
+        if not things or not all(ends):
+            return None
+        thing, anchors = self.world.things[things[0]], [each[0] for each in ends if each]
+        off = [math.dist((thing.x, thing.y), (self.world.things[i].x, self.world.things[i].y)) for i in anchors]
+        best = off.index(min(off) if how in ("nearer", "closer") else max(off))
+        near = [f"{each:.0f} cells" if self.world.cells else f"{100 * each:.0f} cm" for each in off]
+        self.things = [anchors[best]]
+        return (
+            f"{'to' if how in ('nearer', 'closer') else 'from'} {self.names([anchors[best]])}: {near[best]} from "
+            f"{self.names(things[:1])}, and {self.names([anchors[1 - best]])} is {near[1 - best]} from it"
+        )
+
     def exists(self, match: re.Match[str]) -> str | None:
         """Say whether something of the kind is there."""
         text = re.sub(
@@ -339,10 +391,12 @@ class Questions(SelfAnswers):
             shorter := re.sub(r"^(?:any|there|you|we|see|find|know|have|got|still|also|a|an|some) ", "", text)
         ) != text:
             text = shorter
+        text = re.sub(r" (?:here|there)$", "", text)
         entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
         if entity is None and re.match(r"(?:do|can|have|is there|are there)\b", match[0]) and len(text.split()) < 5:
             return f"no: I know of no {_plain(text)} here"
-        if entity is None:
+        rest = " ".join(token.text for token in scan(text)[entity.span[1] :]) if entity is not None else ""
+        if entity is None or re.search(r"[a-z]", _ADDING.sub("", f"{rest} ")):  # "is the red cube dirty?"
             return None
         if not things:
             return f"no: there is no {_plain(text)} here"
@@ -355,7 +409,7 @@ class Questions(SelfAnswers):
         if re.fullmatch(r"(?:what|which) (?:ones?|of them|cubes?|blocks?)(?: exactly)?", text) and self.turns:
             self.things = [i for turn in reversed(self.turns) for i in turn.about if turn.about][:12]
             return f"I mean {self.names(self.things)}" if self.things else None
-        text = re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text)
+        text = _with_nouns(re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text))
         if re.search(r" (?:on|in|inside|under|next to|near|behind|at)$", text):  # "what is the red cube standing on?"
             words = re.sub(rf"^{_BE} | (?:stand|lie|sit|rest)$", "", text.rpartition(" ")[0])
             self.things = self.subject(_ADDING.sub("", f"{words} ").strip()) or []
@@ -394,6 +448,7 @@ class Questions(SelfAnswers):
         if not fits and (not things or re.search(rf"{_BEST}|\b(?:is|are)\b", rest)):
             return None  # one is always the farthest: the words were not all used
         if not fits:
+            plain = _plain(plain)
             return f"nothing is {plain}" if head in ("", "thing") else f"none: no {_plain(head)} is {plain}"
         if stated.about in ("place", "under") and len(fits) <= 3 and not re.search(_BEST, plain):
             return "; ".join(self._told(i, stated.about) for i in fits)
@@ -440,7 +495,7 @@ class Questions(SelfAnswers):
         if not things:
             return f"there is no {_plain(match[1])} here"
         self.things = things
-        return "; ".join(self._told(i, "place") for i in things[:3])
+        return "; ".join(f"{name(self.world, i).split(' in ')[0]} is {where(self.world, i)}" for i in things[:3])
 
     def far(self, match: re.Match[str]) -> str | None:
         """Say how far something is from something else, or from the robot."""
@@ -505,6 +560,15 @@ def _kinds(plain: str) -> tuple[str, ...]:
     return GROUPS.get(kind, (kind,)) if kind is not None else ()
 
 
+def _with_nouns(text: str) -> str:
+    """Return words with a noun for "one" after a colour: "cubes are left of the cyan one"."""
+    kind = re.match(r"(cube|block)s?\b", text)
+    return re.sub(rf"\b({COLOR}) one\b", rf"\1 {kind[1]}", text) if kind else text
+
+
 def _plain(text: str) -> str:
-    """Return the words of a phrase without articles."""
-    return " ".join(token.text for token in scan(text) if token.text not in ("a", "an", "any", "some"))
+    """Return the words of a phrase without its article, and with those after prepositions."""
+    plain = " ".join(token.text for token in scan(text) if token.text not in ("a", "an", "any", "some"))
+    return re.sub(
+        rf"\b(in|on|under|behind|near|to|of|inside|from) (?=(?:(?:{COLOR}) )?(?:{THING})\b)", r"\1 the ", plain
+    )

@@ -6,6 +6,7 @@ A part is left out only if another part is a command or a wish, and never if it 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -96,6 +97,27 @@ class _Part(NamedTuple):
     words: list[Token]
     text: str
     mark: str
+
+
+_SUBJECT = (
+    r"(?:i|we|you|he|she|they|it|that|this|these|those|there|what|too|so|such|no|not|just|my \w+|your \w+|our \w+|his"
+    r" \w+|her \w+|their \w+|everyone|everybody|nobody|people|life|man|dude|boy|(?:ha)+h?|(?:he){2,}|(?:hi){2,}|lol"
+    r"|lmao|rofl|xd|ugh|argh|phew|if (?:you|i|we) (?!\w+ed\b))"
+)
+_LIMITS = (  # words that change what is to be done
+    r"(?:only|except|without|instead|unless|until|but not|rather|same|other|others|another|more|less|again|every|each"
+    r"|any|first|second|third|last|twice|times|half|where|back|away|there is|slowly|gently|carefully|careful|wait|stop"
+    r"|forward|forwards|backwards|sideways|up|down|by|cm|metres?|one|two|three|four|five|\d+)"
+)
+
+
+def is_chat(words: Sequence[str]) -> bool:
+    """Whether a part of a sentence is about people or the occasion: it names nothing, and no act, place or limit."""
+    text = re.sub(r"^(?:(?:and|but|so|because|since|cause|for|well|oh|ok|okay|hey|hmm|as) )+", "", " ".join(words))
+    if re.match(r"(?:i|we|he|she|they|my \w+) (?:will|would|want|wants|need|needs|shall|should|must|wish)\b", text):
+        return False
+    told = rf"\b(?:{_THING}|{_PLACE}|{_LIMITS}|{verb_words()})\b"
+    return bool(re.match(rf"{_SUBJECT}\b", text)) and not re.search(told, text.removeprefix("there "))
 
 
 def without_remarks(found: list[Token]) -> list[Token]:

@@ -18,7 +18,7 @@ from language.steps import allows
 from language.talk import abilities, holds, name, said, seen
 from language.verbs import DEVICE_VERBS, KNOWN, Act
 from language.viewpoint import whose_left
-from language.words import GROUPS
+from language.words import GROUPS, NUMBERS
 from language.world import WorldModel
 
 _MORE = re.compile(
@@ -145,6 +145,12 @@ class SelfAnswers(ABC):
             r"\b(?:fall|fell|fallen|drop|dropped|slip|slipped|tip|tipped|lose|miss|missed|break)\b", text
         )
         return f"{'yes' if fell == bool(asks_fall) else 'no'}: {told}"
+
+    def harm(self, match: re.Match[str]) -> str | None:
+        """Say whether something was broken or dropped, as far as the robot can tell."""
+        if any(turn.ending for turn, _ in self._plans()):
+            return self.account()
+        return f"not that I know. {holds(self.world)}" if self._plans() else "not that I know: I have done nothing yet"
 
     def marks(self, match: re.Match[str]) -> str | None:
         """Say what see-through things are for."""
@@ -289,6 +295,12 @@ class SelfAnswers(ABC):
             return None
         width = world.things[things[0]].width
         return f"{self.names(things[:1])} is {'a cell' if world.cells else f'{100 * width:.0f} cm'} wide"
+
+    def as_tall(self, match: re.Match[str]) -> str | None:
+        """Say whether a stack has so many things."""
+        told = self.tall(match)
+        wanted = NUMBERS.get(match[2])
+        return told and f"{'yes' if len(self.things) == wanted else 'no'}: {told}"
 
     # ---- The robot
 

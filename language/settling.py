@@ -28,6 +28,7 @@ from language.world import WorldModel
 
 _NEARBY = ("near", "left", "right", "front", "behind", "under", "opposite", "away")  # relations that always matter
 PERSONS = ("me", "us", "myself", "him", "her", "lady", "them", "someone")
+ONE_AT_A_TIME = (GRIPS_ONE, "holds one thing", "only one thing")  # why several things cannot be together
 _TELLING = ("nothing", "impossible", "already", "which")  # failures that are reported in preference to another reading
 
 
@@ -120,7 +121,8 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
     if not world.cells and any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
         return refused(sentence, found._replace(failed=measured), world)
-    if not world.cells and any(c.cost < top.cost - costs.LIKELIER for c in impossible if c.plan.failure == GRIPS_ONE):
+    crowded = [c for c in impossible if any(each in c.plan.failure for each in ONE_AT_A_TIME)]
+    if not world.cells and any(c.cost < top.cost - costs.LIKELIER for c in crowded):
         return refused(sentence, found._replace(failed=impossible), world)
     close = [c for c in found.possible if c.cost <= top.cost + costs.CLOSE]
     rivals = close[1:]

@@ -156,7 +156,7 @@ def test_what_was_stopped_goes_on(said):
         ("what does the red cube stand on?", "on the table"),
         ("is the red cube left or right of the yellow one?", "The red cube is left of the yellow cube"),
         ("is the drawer open or closed?", "The blue drawer is open"),
-        ("what do you have in the drawer?", "Nothing is in drawer"),
+        ("what do you have in the drawer?", "Nothing is in the drawer"),
     ],
 )
 def test_a_question_is_answered_by_what_is_so(asked, words):

@@ -477,3 +477,76 @@ def test_it_is_what_was_not_to_be_touched():
 
 def test_why_a_thing_has_its_colour_is_not_known():
     assert isinstance(Dialogue().answer("why is the fridge red?", room()), Refusal)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "verbs", "ids"),
+    [
+        ("press the button - i dare you", ["press"], [BUTTON]),
+        ("take the red cube, if you can manage hehe", ["lift"], [RED]),
+        ("right, back to work, open the drawer", ["open"], [DRAWER]),
+        ("my daughter would love it if you opened the drawer", ["open"], [DRAWER]),
+    ],
+)
+def test_talk_about_people_and_the_occasion_changes_nothing(sentence, verbs, ids):
+    outcome = Dialogue().answer(sentence, room())
+    assert isinstance(outcome, Plan)
+    assert steps(outcome) == list(zip(verbs, ids, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("sentence", "control"),
+    [
+        ("ok back off a bit, you're blocking my view", "home"),
+        ("stop! i can't watch this", "stop"),
+        ("open the drawer. just kidding", "stop"),
+    ],
+)
+def test_a_signal_is_given_with_its_reason(sentence, control):
+    outcome = Dialogue().answer(sentence, room())
+    assert isinstance(outcome, Signal)
+    assert outcome.control == control
+
+
+def test_who_wants_to_be_entertained_is_told_what_can_be_done():
+    said_last = Dialogue().answer("i'm a bit bored, show me something cool", room())
+    assert isinstance(said_last, Answer)
+    assert "open and close" in said_last.text
+
+
+@pytest.mark.parametrize(
+    ("sentence", "answers"),
+    [
+        (
+            "where is the red cube, and is the drawer open?",
+            ["The red cube is on the table", "drawer is closed"],
+        ),
+        ("how many cubes do you see, and is one of them yellow?", ["there are", "Yes: the yellow cube is yellow"]),
+        ("is the red cube nearer to the button or to the yellow one?", ["To the", "cm from the red cube"]),
+        ("did you break anything??", ["Not that I know"]),
+        ("is anything broken?", ["Not that I know"]),
+        ("are there any cubes here?", ["Yes: the "]),
+        ("what's in the drawer and what's in the fridge?", ["in the drawer. ", "in the fridge"]),
+    ],
+)
+def test_questions_are_answered_truly_each_of_several(sentence, answers):
+    outcome = Dialogue().answer(sentence, room())
+    assert isinstance(outcome, Answer)
+    assert [each for each in answers if each.lower() not in outcome.text.lower()] == []
+
+
+@pytest.mark.parametrize("sentence", ["is the red cube dirty?", "are the cubes heavy?", "is anything wet?"])
+def test_what_nobody_can_see_is_not_claimed(sentence):
+    assert isinstance(Dialogue().answer(sentence, room()), Refusal)
+
+
+def test_right_in_front_of_something_is_only_what_is_nearest():
+    outcome = Dialogue().answer("which cube is right in front of the wheel?", room())
+    assert isinstance(outcome, Answer)
+    assert outcome.about == (CYAN,)
+
+
+def test_of_two_things_that_have_no_room_together_none_is_moved():
+    outcome = Dialogue().answer("put the red and the yellow cube in the drawer", room())
+    assert isinstance(outcome, Refusal)
+    assert "one thing at a time" in outcome.text
