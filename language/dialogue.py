@@ -84,7 +84,7 @@ class Dialogue(Conditions):
         made = gestures(pointed, world)
         homeward, self.world, self.homeward = self.homeward, world, False
         try:
-            outcome = self._answer(sentence, made)
+            outcome = self.called(sentence) or self._recalling(sentence, made)
         except NotUnderstood as error:
             outcome = Refusal(sentence, span=(0, len(sentence)), text=str(error), suggestions=offers(world))
         if not isinstance(outcome, Plan | Signal):  # the last plan goes on
@@ -94,6 +94,12 @@ class Dialogue(Conditions):
 
     # ---- One turn
 
+    def _recalling(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
+        """Return the outcome of a sentence that may tell things and places by what was said and done before."""
+        text, places = self.recalled(sentence)
+        outcome = self._answer(text, (*made, *places))
+        return outcome if text == sentence else replace(outcome, sentence=sentence, unused=(), span=(0, len(sentence)))
+
     def _answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
         world, span = self.now, (0, len(sentence))
         if len(sentence) > LONGEST_SENTENCE:
@@ -102,8 +108,8 @@ class Dialogue(Conditions):
         words = [word for part in parts for word in part.words]
         if not words:
             return Refusal(sentence, span=span, text="I did not get any words", suggestions=offers(world))
-        if (rest := _after_home(sentence)) is not None:
-            outcome = self._answer(rest, made)
+        if start := _beside_home(sentence)[0]:
+            outcome = self._answer(" " * start + sentence[start:], made)
             if isinstance(outcome, Plan) and outcome.steps:
                 return replace(outcome, sentence=sentence, notes=(_FROM_HERE, *outcome.notes))
         telling = [part for part in parts if part.act is not None or not is_chat(part.words)]
@@ -125,7 +131,8 @@ class Dialogue(Conditions):
             return replace(told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
             return self._unknown(sentence, words)
-        text, homeward = _without_home(text)
+        _, end = _beside_home(text)
+        text, homeward = text[:end], end < len(text)
         plain = " ".join(token.text for token in scan(text) if token.text not in ".,!?")
         found = self._restored(text, plain) or self._raised(text, plain) or self._nearer(text, plain)
         found = found or self._command(text, made)
@@ -560,25 +567,17 @@ def _without_idle(sentence: str, parts: list[Part]) -> str:
     return sentence
 
 
-def _after_home(sentence: str) -> str | None:
-    """Return a sentence with blanks in place of "go home and then" at its beginning; None: it does not say so."""
+def _beside_home(sentence: str) -> tuple[int, int]:
+    """Return where a sentence begins after "go home and then", and where it ends before "and then go home"."""
     tokens = [token for token in scan(sentence) if token.text not in ".!?"]
-    words = [token.text for token in tokens]
-    end = next((at for at, word in enumerate(words) if word in _JOINS), 0)
-    begin = next((at for at in range(end, len(words)) if words[at] not in _JOINS), None)
-    if not end or begin is None or act_of(words[:end]) != "home":
-        return None
-    return " " * tokens[begin].start + sentence[tokens[begin].start :]
+    joints = [at for at, token in enumerate(tokens) if at and token.text in _JOINS]
 
+    def goes(part: list[Token]) -> bool:
+        return act_of([token.text for token in part if token.text not in _JOINS]) == "home"
 
-def _without_home(sentence: str) -> tuple[str, bool]:
-    """Return a sentence without "and then go home" at its end, and whether it says so."""
-    tokens = [token for token in scan(sentence) if token.text not in ".!?"]
-    for at, token in enumerate(tokens[:-1]):
-        rest = [each.text for each in tokens[at + 1 :] if each.text not in _JOINS]
-        if token.text in _JOINS and at and act_of(rest) == "home":
-            return sentence[: tokens[at - 1].end], True
-    return sentence, False
+    after = [token for token in tokens[joints[0] :] if token.text not in _JOINS] if joints else []
+    start = after[0].start if after and goes(tokens[: joints[0]]) else 0
+    return start, next((tokens[at - 1].end for at in joints if goes(tokens[at + 1 :])), len(sentence))
 
 
 def _without_small_talk(sentence: str, part: Part) -> str:

@@ -9,9 +9,9 @@ from functools import reduce
 
 from language import costs
 from language.meanings import Clause, Entity, Measure, Reading, RelationPhrase
-from language.memory import Memory
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
+from language.recalling import Recollections
 from language.revising import filled, is_unshown, pinned, restoring, revised, selecting
 from language.scanning import Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
@@ -63,7 +63,7 @@ _BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "neares
 
 
 @dataclass
-class Replies(Memory):
+class Replies(Recollections):
     """Compares a reading with what was asked or done before."""
 
     def _reply(self, sentence: str, reply: Reading, found: Choices) -> Outcome | None:

@@ -1,6 +1,6 @@
 """A room with cubes, a drawer, a fridge, devices and the hand of a person, for tests of what is said there."""
 
-from language import Object, Scene, WorldModel, table
+from language import Dialogue, Object, Scene, WorldModel, table
 from language.verbs import ROOM
 
 NAMES = ("yellow", "blue", "red", "drawer", "fridge", "button", "lever", "hand", "mark")
@@ -22,3 +22,13 @@ def room(objects=OBJECTS, **facts) -> WorldModel:
     """The room with these facts in place of those at the start."""
     fields = {"bounds": (0.32, 0.47, -0.21, 0.21), "flat_only": True, "verbs": ROOM, "moved": {LEVER: 1.0}}
     return table(Scene(objects), **{**fields, **facts})
+
+
+def outcome_of(turns, world=None):
+    """The outcome of the last of some turns, which ' / ' separates."""
+    dialogue = Dialogue()
+    first, *others = turns.split(" / ")
+    outcome = dialogue.answer(first, world or room())
+    for turn in others:
+        outcome = dialogue.answer(turn)
+    return outcome

@@ -2,8 +2,9 @@
 
 import pytest
 
-from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, table
+from language import Answer, Object, Plan, Question, Refusal, Scene, Signal, table
 from language.verbs import ROOM
+from tests.helpers.room_cases import outcome_of as outcome_in
 
 NAMES = ("yellow", "blue", "red", "cyan", "drawer", "fridge", "wheel", "lever", "button", "hand")
 YELLOW, BLUE, RED, CYAN, DRAWER, FRIDGE, WHEEL, LEVER, BUTTON, HAND = range(10)
@@ -27,13 +28,7 @@ def room(**facts):
 
 
 def outcome_of(turns, world=None):
-    """The outcome of the last of some turns, which ' / ' separates."""
-    dialogue = Dialogue()
-    first, *others = turns.split(" / ")
-    outcome = dialogue.answer(first, world or room())
-    for turn in others:
-        outcome = dialogue.answer(turn)
-    return outcome
+    return outcome_in(turns, world or room())
 
 
 def steps(turns, world=None):

@@ -1,0 +1,205 @@
+"""Names that a person gives, and what is told by what was done: "Bob", "the first one you moved", "where it stood".
+
+A sentence that says a thing or a place so is read as one that names the thing, or that points at the place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from language.acts import question
+from language.lattice import Lattice, vocabulary
+from language.meanings import Gesture
+from language.memory import Memory
+from language.outcomes import Answer, Plan, Step
+from language.scanning import COLOR, Token, scan
+from language.talk import listed, name, phrase
+from language.verbs import KNOWN, Act
+from language.words import colors
+
+_NOUN = r"ones?|cubes?|blocks?|things?|objects?|balls?|spheres?|cylinders?|what"
+_DOER = (
+    r"(?:that |which )?(?:you|i|we) (?:have |had )?(?:just |only |already |last |first )*"
+    r"(?:(?:have|had|made|got|let|told|asked|wanted) you (?:to )?)?"
+)
+_WHEN = r"(?: (?:just now|before|earlier|first|last|at first|previously|a (?:moment|minute|second|while) ago))*"
+_DONE = re.compile(
+    rf"(?:\b(?P<rank>first|second|third|last|latest|previous) )?(?:\b(?P<number>two|three) )?(?:\b(?P<color>{COLOR}) )?"
+    rf"\b(?P<noun>{_NOUN}|(?<=last )(?:two|three)|(?<=first )(?:two|three)) {_DOER}"
+    rf"(?P<verb>(?!you\b)\w+(?: (?:up|down|out))?)(?! it\b| them\b){_WHEN}"
+)
+_LAST = re.compile(r"\blast (?P<number>two|three)(?: ones| cubes| blocks| things)?(?= back\b)")
+_SAME = re.compile(r"\b(?:same )?(?:one|cube|block|thing) (?:as|from) (?:before|last time|earlier|just now)\b")
+_FIRST = re.compile(r"\b(?P<rank>first|second)(?: one)?\b(?! \w+ (?:from|on|of)\b)")
+_STOOD = re.compile(
+    r"(?:\b(?:to|in|at|on|onto|back|exactly) )*"
+    r"\b(?:where (?P<what>(?!(?:it|they|that|this|you|i|we)\b)\w+(?: \w+){0,2}?)"
+    r" (?:was|were|stood|sat|lay|used to be|had been|started|came from)(?: standing| before| at first| originally"
+    r"| initially| earlier| at start)*"
+    r"|(?P<owner>\w+(?: \w+)?) 's (?:old|former|previous|original|first) (?:place|spot|position))\b(?! \w+ed\b)"
+)
+_POINTS = re.compile(r"\b(?:this|these|here|there)\b")
+_PLACE = r"(?:this|that) (?:spot|place|position)|here"
+_CALLS = re.compile(
+    r"^(?:please |let us |now |from now on |i (?:will |shall )?|you can |we (?:will )?|just )*"
+    rf"(?:call|name|remember|save|mark) (?P<what>{_PLACE}|it|that|this|[\w ]+?)(?: as)?"
+    r" (?P<name>\w+(?: (?:base|place|spot))?)(?: from now on| please)*$"
+    rf"|^(?:from now on )?(?P<what2>{_PLACE}|[\w ]+?) (?:is|are|shall be|will be|should be)(?: now)? (?:called|named)"
+    r" (?P<name2>\w+(?: (?:base|place|spot))?)$"
+    r"|^(?P<what3>it|[\w ]+?)(?: 's|s)? name is (?P<name3>\w+)$"
+)
+_NO_NAME = frozenset(["a", "an", "it", "me", "us", "you", "when", "if", "back", "out", "up", "again", "one", "ones"])
+_RANKS = {"first": 0, "second": 1, "third": 2}
+_COUNTS = {"two": 2, "three": 3}
+
+
+class Recalled(NamedTuple):
+    """A sentence that names things as they are called in the scene, and the places that it points at, in order."""
+
+    text: str
+    places: tuple[Gesture, ...] = ()
+
+
+@dataclass
+class Recollections(Memory):
+    """Remembers names, and finds what is told by what was done. names: of things and places, in lower case."""
+
+    names: dict[str, Gesture] = field(default_factory=dict)
+
+    def recalled(self, sentence: str) -> Recalled:
+        """Return a sentence with the things and places that it tells by what was said and done."""
+        places: list[tuple[int, Gesture]] = []
+        for find in (self._by_name, self._by_deed, self._by_order, self._by_stand):
+            for match, meant in reversed(list(find(sentence))):
+                tokens = scan(sentence)
+                first, last = (match.string[:end].count(" ") for end in (match.start(), match.end() - 1))
+                start, end = tokens[first].start, tokens[last].end
+                if isinstance(meant, Gesture):
+                    places.append((start, meant))
+                sentence = sentence[:start] + ("there" if isinstance(meant, Gesture) else meant) + sentence[end:]
+        return Recalled(sentence, tuple(meant for _, meant in sorted(places, key=lambda each: each[0])))
+
+    def called(self, sentence: str) -> Answer | None:
+        """Return the answer to a sentence that gives a name, or asks for one; None of another one."""
+        text, world = _words(scan(sentence.rstrip(" .!?"))), self.now
+        asked = re.fullmatch(r"(?:who|what|which(?: one| cube| block| thing)?) (?:is|was) (?P<name>\w+(?: \w+)?)", text)
+        if asked and asked["name"] in self.names:
+            return self._introduced(sentence, asked["name"])
+        match = _CALLS.match(text)
+        if match is None:
+            return None
+        what, called = (next(filter(None, (match[f"{key}{n}"] for n in ("", 2, 3)))) for key in ("what", "name"))
+        known = any(word in vocabulary() for word in called.split()) and not re.fullmatch(_PLACE, what)
+        if known or {*called.split()} & _NO_NAME:
+            return None
+        things = self._things(what.removeprefix("its") or "it")
+        if what in ("it", "that", "this", "its") or re.fullmatch(_PLACE, what):
+            things = list(self.planner().it[:1])
+        if len(things) != 1:
+            return None
+        thing = world.things[things[0]]
+        shown = Gesture((), (thing.x, thing.y)) if re.fullmatch(_PLACE, what) else Gesture((things[0],))
+        self.names = {**self.names, called: shown}
+        return self._introduced(sentence, called)
+
+    def _introduced(self, sentence: str, called: str) -> Answer:
+        """Return what a name means, in a sentence."""
+        meant = self.names[called]
+        at = re.search(rf"\b{called}\b", sentence, re.IGNORECASE)
+        what = name(self.now, meant.things[0]) if meant.things else "a place on the table"
+        return Answer(
+            sentence, 1.0, (), (0, len(sentence)), text=f"{at[0] if at else called} is {what}", about=meant.things
+        )
+
+    # ---- What is told, each with the words that tell it: a name, or a place
+
+    def _by_name(self, sentence: str) -> Iterator[tuple[re.Match[str], str | Gesture]]:
+        text = _words(scan(sentence))
+        for called, meant in self.names.items():
+            lead = r"(?:\b(?:on|at|to|onto|in|into|back|over) )*" if not meant.things else ""
+            for match in re.finditer(rf"{lead}\b{called}\b", text):
+                yield match, name(self.now, meant.things[0]) if meant.things else meant
+
+    def _by_deed(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        text = _words(scan(sentence))
+        for match in (*_DONE.finditer(text), *_LAST.finditer(text), *_SAME.finditer(text)):
+            found = self._done_with(match)
+            if found:
+                yield match, listed([name(self.now, i) for i in found])
+
+    def _done_with(self, match: re.Match[str]) -> list[int]:
+        """Return the things with which something was done: the first, the last, the last two."""
+        said = match.groupdict()
+        acts = _acts(said["verb"]) if "verb" in said else frozenset(Act)
+        if acts & {Act.TAKE, Act.HOLD} and "verb" in said and self.now.held is not None:
+            return []  # that is what is held
+        things = [step.object for step in self._steps() if _is_done(step, acts)]
+        meant = colors().get(said.get("color") or "", ())
+        cubes = (said.get("noun") or "").startswith(("cube", "block"))
+        things = [i for i in things if not meant or self.now.things[i].color in meant]
+        things = [i for i in things if not cubes or self.now.is_loose(i)]
+        rank, noun = said.get("rank") or "", said.get("noun") or ""
+        if rank in _RANKS or re.search(r" first$", match[0]):
+            order, start = list(dict.fromkeys(things)), _RANKS.get(rank, 0)
+        else:
+            order, start = list(dict.fromkeys(reversed(things))), 0
+        many = (said.get("number") or noun) in _COUNTS or noun.endswith("s")
+        number = _COUNTS.get(said.get("number") or noun, len(order)) if many else 1
+        return order[start : start + number]
+
+    def _steps(self) -> list[Step]:
+        plans = [turn.outcome for turn in self.turns if isinstance(turn.outcome, Plan)]
+        return [step for plan in plans for step in plan.steps if not step.implied]
+
+    def _by_order(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "the first" and "the second", where something was done with two things: "put the first on ..."."""
+        things = list(dict.fromkeys(step.object for step in self._steps()))
+        found = list(_FIRST.finditer(_words(scan(sentence))))
+        if len(things) == 2 and [match["rank"] for match in found] in (["first", "second"], ["second", "first"]):
+            yield from ((match, name(self.now, things[_RANKS[match["rank"]]])) for match in found)
+
+    def _by_stand(self, sentence: str) -> Iterator[tuple[re.Match[str], str | Gesture]]:
+        text = _words(scan(sentence))
+        match = _STOOD.search(text)
+        if match is None or not match.start() or question(text) or _POINTS.search(text):
+            return
+        things = self._things(match["what"] or match["owner"])
+        rest = self.planner().rests.get(things[0]) if len(things) == 1 else None
+        if rest is None:
+            return
+        x, y, on = rest
+        inside = on in self.now.containers
+        yield match, Gesture((), (x, y)) if on is None else f"{'in' if inside else 'on'} {name(self.now, on)}"
+
+    def _things(self, text: str) -> list[int]:
+        """Return the things that some words name, all of which belong to one phrase."""
+        tokens = scan(text)
+        entity, refs = phrase(self.now, self.planner(), tokens)
+        if entity is None or entity.span != (0, len(tokens)):
+            return []
+        real = [i for ref in refs for i in ref.things[-1:]]
+        solid = [i for i in real if not self.now.things[i].target and self.now.is_loose(i)]
+        return list(dict.fromkeys(solid or real))
+
+
+def _words(tokens: list[Token]) -> str:
+    return " ".join(token.text for token in tokens)
+
+
+def _acts(verb: str) -> frozenset[Act]:
+    """Return what a verb means, as it is or inflected."""
+    tokens = scan(verb)
+    lattice = Lattice(tokens) if tokens else None
+    edges = [edge for kind in ("verb", "done") for edge in lattice.get(0, kind)] if lattice else []
+    return frozenset(KNOWN[edge.value].act for edge in edges if not edge.cost and edge.end == len(tokens))
+
+
+def _is_done(step: Step, acts: frozenset[Act]) -> bool:
+    """Whether a step does what one of these verbs says."""
+    if acts & {Act.TAKE, Act.HOLD, Act.REMOVE, Act.UNSTACK} and (step.takes or step.carries):
+        return True
+    moves = {Act.CARRY, Act.LOWER, Act.GIVE, Act.BUILD, Act.STORE, Act.SWAP, Act.GATHER, Act.EMPTY}
+    return step.carries if step.carries and acts & moves else step.act in acts
