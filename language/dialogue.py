@@ -96,7 +96,7 @@ class Dialogue(Conditions):
 
     def _recalling(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
         """Return the outcome of a sentence that may tell things and places by what was said and done before."""
-        text, places = self.recalled(sentence)
+        text, places = (sentence, ()) if self.control_word(sentence) else self.recalled(sentence)
         outcome = self._answer(text, (*made, *places))
         return outcome if text == sentence else replace(outcome, sentence=sentence, unused=(), span=(0, len(sentence)))
 
@@ -135,12 +135,12 @@ class Dialogue(Conditions):
         text, homeward = text[:end], end < len(text)
         plain = " ".join(token.text for token in scan(text) if token.text not in ".,!?")
         found = self._restored(text, plain) or self._raised(text, plain) or self._nearer(text, plain)
-        found = found or self._command(text, made)
+        found = found or self._command(self._reordered(plain) or text, made)
         outcome = replace(found, sentence=sentence)
         if homeward and isinstance(outcome, Plan) and outcome.steps:
             self.homeward = True
             return replace(outcome, notes=(*outcome.notes, "after that I go back to my rest position"))
-        if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
+        if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices and not outcome.unused):
             return outcome
         return self._aside(sentence, parts, outcome) or self._beside_chat(sentence, parts, made) or outcome
 
@@ -504,7 +504,8 @@ class Dialogue(Conditions):
         if isinstance(tried, Plan):
             about = tuple(dict.fromkeys(i for step in tried.steps for i in (step.object, step.goal) if i is not None))
             full = [box for box in about if box in self.now.containers and self.now.contents(box)]
-            text = f"yes, that can be done: I would {said(self.now, tried.steps)}. Say 'do it' if you want that"
+            can = "" if sentence.lower().startswith("what") else "yes, that can be done: "
+            text = f"{can}I would {said(self.now, tried.steps)}. Say 'do it' if you want that"
             if full:
                 text = f"no: one thing fits in {name(self.now, full[0])}, and it is full"
         else:

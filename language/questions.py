@@ -157,7 +157,8 @@ class Questions(SelfAnswers):
             r"(?:(?:any|one|some|either) )?(?:of )?(?:two|both|them|these|those|they|these two|those two)(?: ones)?",
             text,
         ):
-            return [*self.planner.it] if len(self.planner.it) > 1 else [*self.world.containers]
+            loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i)]
+            return [*self.planner.it] if len(self.planner.it) > 1 else [*self.world.containers] or loose
         if re.fullmatch(r"(?:it|that|this|that one|this one|there|inside)", text):
             return list(self.planner.it[:1]) or ([self.planner.box] if self.planner.box is not None else None)
         if beside := re.search(rf"\b{_CLOSE} (?={_SIDE}\b(?: of)? (?P<anchor>.+))", text):

@@ -13,7 +13,7 @@ from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
 from language.revising import filled, is_unshown, pinned, restoring, revised, selecting
-from language.scanning import Token, scan
+from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
 from language.talk import name, offers, phrase
@@ -52,6 +52,12 @@ _HEIGHT = re.compile(
     r"|this|arm|your|gripper|a|an|bit|little|tad|notch|touch|much|way|some|even|more|slightly|far|not|too|still"
     r"|further|up|down) )*(?P<side>higher|lower|high|low|up|upwards|to top)"
     r"(?: (?:up|down|please|now|a bit|a little|more|again|still|than that))*$"
+)
+_LEVEL = re.compile(  # of a tower that was asked for
+    r"(?:(?:no|actually|but|and|now|rather|instead|please|wait|ok|okay|hmm|better|,|i (?:want|need|would like|meant"
+    r"|said|prefer)|make|put|have|with|could you|can you) )*"
+    rf"(?P<thing>(?:{COLOR})(?: one| cube| block)?)(?: (?:should|must|shall|has to|to|be|is|goes|go|needs|stays))*"
+    r" (?:at|on|to|as) (?P<level>bottom|top|very bottom|very top|base)(?: (?:instead|rather|please))*$"
 )
 _NEARER = re.compile(
     r"^(?:(?:please|now|and|no|okay|but|just|then|can you|could you|go|move|bring|put|get|make|push|it|that|a|bit"
@@ -162,6 +168,20 @@ class Replies(Recollections):
         if world.held is not None:
             why = f"{name(world, world.held)} cannot go {side}: I carry things at one height"
         return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=why, suggestions=offers(world))
+
+    def _reordered(self, text: str) -> str | None:
+        """Return what "I want blue at the bottom" asks for after a tower was asked for; None for other words.
+
+        text: the words of the sentence.
+        """
+        match = _LEVEL.match(text)
+        last = self.last.steps[-1] if self.last is not None else None
+        if match is None or last is None or last.act is not Act.BUILD or self.now.flat_only:
+            return None
+        named = phrase(self.now, self.planner(), scan(match["thing"]))[1]
+        if self.it and not any(ref.things[-1] in self.it for ref in named if ref.things):  # the tower grows
+            return None
+        return f"stack them all, {match['thing']} at the {match['level']}"
 
     def _nearer(self, sentence: str, text: str) -> Outcome | None:
         """Return what comes of "a bit closer" after a thing was put beside another one; None of other words.

@@ -288,7 +288,8 @@ class SelfAnswers(ABC):
             tops and re.fullmatch(r"(?:it|that|this)(?: now)?", match[1])
         ):
             stacks = [world.column(world.things[i].x, world.things[i].y) for i in tops]
-            self.things = max(stacks, key=len, default=[])
+            spoken = [stack for stack in stacks if {*stack} & {*self.planner.it}]
+            self.things = max(spoken or stacks, key=len, default=[])
             return f"it is {len(self.things)} high: {self.names(self.things[::-1])}" if stacks else "there is no stack"
         things = self.subject(match[1])
         if not things:

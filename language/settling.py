@@ -137,6 +137,8 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
             rivals = []  # one of two corners on the left
     if rivals and _changes_roles([top, *rivals], planner):
         rivals = []
+    if rivals and (spoken := _of_what_was_spoken_of([top, *rivals], planner.it)) is not None:
+        top, rivals = spoken, []
     if not world.cells and (doubt := _left_out(sentence, top, found, world)) is not None:
         return doubt
     whole = not top.reading.unused and not world.cells and all(step.verb is not None for step in top.reading.steps)
@@ -168,6 +170,15 @@ def _changes_roles(close: list[Choice], planner: Planner) -> bool:
         return False
     resolver = planner.resolver(planner.world, (), None)
     return {ref.things[-1] for ref in resolver.resolve(replace(other, other=False)) if len(ref.things) == 1} == movers
+
+
+def _of_what_was_spoken_of(close: list[Choice], it: Sequence[int]) -> Choice | None:
+    """Return the one of some choices whose thing was spoken of, where "the top one" names no kind; or else None."""
+    entity = close[0].reading.steps[0].entity
+    if entity is None or not (entity.superlative or entity.sides) or entity.noun or entity.colors or entity.relations:
+        return None
+    spoken = [choice for choice in close if choice.plan.mover in it]
+    return spoken[0] if len({choice.plan.mover for choice in spoken}) == 1 else None
 
 
 def _things(choice: Choice) -> list[tuple]:

@@ -14,6 +14,7 @@ from language import costs
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.movers import Movers
 from language.places import GRID, ONTO, SHARES, _anywhere, _Wish, free_spot
+from language.revising import pinned
 from language.spots import Point, Spot, a_name, settle
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, at_a_mark, beside, obstacle, off_table
 from language.verbs import Act, doing
@@ -59,20 +60,30 @@ class Several(Movers):
         if isinstance(ordered, Draft):
             return ordered
         things = ordered
+        onto = act is Act.CARRY and any(each.name in ONTO for each in clause.places)
+        things = self._without_base(plan, clause, things) if onto and entity.kind != "list" else things
         for number, index in enumerate(things):
             plan = self._one_of(plan, clause, index, len(things) > 1)
             if "is full" in plan.failure and number:
                 plan = replace(plan, failure=f"{plan.failure.partition(' is full')[0]} holds one thing at a time")
-            first = plan.steps[-1].goal if plan.steps and not number and len(things) > 1 else None
-            onto = any(each.name in ONTO for each in clause.places) and act is Act.CARRY and not plan.world.cells
-            if first is not None and onto and plan.world.is_loose(first):
-                plan = replace(plan, failure="only one thing stands on another", reason="impossible", entity=entity)
+            goal = plan.steps[-1].goal if plan.steps and len(things) > 1 else None
+            if onto and goal is not None and plan.world.is_loose(goal):
+                if plan.world.flat_only:
+                    plan = replace(plan, failure="only one thing stands on another", reason="impossible", entity=entity)
+                clause = replace(clause, places=tuple(_on(each, index) for each in clause.places))
             if plan.failure:
                 return replace(plan, entity=plan.entity or entity)
         box = next((i for i in things if i in plan.world.containers), plan.box)
         done = replace(plan, it=tuple(things), mentioned=tuple(things), box=box, topic=None)
         marked = (*done.steps[:before], *(replace(each, several=True) for each in done.steps[before:]))
         return replace(done, steps=marked)
+
+    def _without_base(self, plan: Draft, clause: Clause, things: list[int]) -> list[int]:
+        """Return things without what they are put on: "put everything on the pink one"."""
+        anchors = [each.anchors[0] for each in clause.places if each.name in ONTO and each.anchors]
+        resolver = self.resolver(plan.world, plan.it, None, plan.mentioned, plan.box)
+        bases = {ref.things[-1] for anchor in anchors for ref in resolver.resolve(anchor)[:1] if len(ref.things) == 1}
+        return [i for i in things if i not in bases] or things
 
     def _one_of(self, plan: Draft, clause: Clause, index: int, several: bool) -> Draft:
         """Return the plan that does the clause for one thing of several, or why that is not possible."""
@@ -192,8 +203,9 @@ class Several(Movers):
         return [*ends["first"], *rest, *last]
 
     def _them(self, plan: Draft, act: Act | None, entity: Entity) -> list[int]:
-        """Return the things of "them"; "all of them" are all that there are where none were spoken of."""
-        world, every = plan.world, entity.every and len(plan.it) < 2
+        """Return the things of "them"; "all of them", or of a tower, are all where none were spoken of."""
+        together = act in (Act.BUILD, Act.GATHER) and not plan.it
+        world, every = plan.world, (entity.every or together) and len(plan.it) < 2
         named = [i for i in (range(len(world.things)) if every else plan.it) if allows(world, act, i)]
         named = [i for i in named if not (every and world.things[i].target)]
         if len(named) < 2 and act not in BOXES and not plan.steps:
@@ -418,3 +430,8 @@ def without_orders(clause: Clause) -> tuple[Clause, tuple[RelationPhrase, ...]]:
     orders = tuple(place for place in clause.places if place.name == "order")
     places = tuple(place for place in clause.places if place.name != "order")
     return (replace(clause, places=places), orders) if orders else (clause, ())
+
+
+def _on(place: RelationPhrase, index: int) -> RelationPhrase:
+    """Return a place on something as the place on another thing: the next of several goes on top of the one before."""
+    return replace(place, anchors=(pinned(index),)) if place.name in ONTO else place

@@ -550,3 +550,47 @@ def test_of_two_things_that_have_no_room_together_none_is_moved():
     outcome = Dialogue().answer("put the red and the yellow cube in the drawer", room())
     assert isinstance(outcome, Refusal)
     assert "one thing at a time" in outcome.text
+
+
+TOWERS = [("cube", "cyan", 1, 2, 0), ("cube", "cyan", 5, 3, 0), ("cube", "gray", 6, 0, 1), ("cube", "orange", 6, 0, 0)]
+
+
+def test_the_top_one_is_that_of_the_tower_that_was_spoken_of():
+    dialogue, world = Dialogue(), board(TOWERS)
+    world = dialogue.answer("stack the cyan ones", world).result
+    told = dialogue.answer("how high is that tower now?", world)
+    assert told.text.startswith("It is 2 high: the cyan cube")
+    outcome = dialogue.answer("too high for me, take the top one down again", world)
+    assert isinstance(outcome, Plan)
+    assert [world.things[step.object].color for step in outcome.steps] == ["cyan", "cyan"]
+
+
+def test_of_several_that_go_on_a_cube_the_next_goes_on_the_one_before():
+    outcome = Dialogue().answer("put both cyan cubes on the gray one", board(TOWERS))
+    assert isinstance(outcome, Plan)
+    assert sorted(thing.bottom for thing in outcome.result.things if thing.color == "cyan") == [2, 3]
+
+
+THREE = table(Scene([Object("cube", c, (0.44, y, 0.025)) for c, y in (("cyan", 0.0), ("pink", 0.17), ("blue", -0.2))]))
+
+
+def colors_from_below(world, index=1):
+    return [world.things[i].color for i in world.column(world.things[index].x, world.things[index].y)]
+
+
+def test_them_without_anything_spoken_of_are_all_and_the_order_of_a_tower_can_be_changed():
+    dialogue = Dialogue()
+    first = dialogue.answer("pile them all up with pink at the bottom", THREE)
+    assert isinstance(first, Plan)
+    assert colors_from_below(first.result)[0] == "pink"
+    outcome = dialogue.answer("actually i want blue at the bottom", first.result)
+    assert isinstance(outcome, Plan)
+    assert colors_from_below(outcome.result)[0] == "blue"
+    assert len(colors_from_below(outcome.result)) == 3
+
+
+def test_what_would_happen_is_told_and_can_be_tried():
+    dialogue = Dialogue()
+    told = dialogue.answer("what happens if i press the button", room())
+    assert told.text == "I would press the gray button. Say 'do it' if you want that"
+    assert steps(dialogue.answer("go on then, try it", room())) == [("press", BUTTON)]
