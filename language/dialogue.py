@@ -29,7 +29,7 @@ from language.remarks import is_chat
 from language.replies import LITTLE
 from language.revising import further, opposite, partly_back, pinned, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
-from language.settling import Choices, choices, settled
+from language.settling import Choices, choices, crowded, settled
 from language.statements import stated
 from language.steps import ON_TABLE
 from language.talk import abilities, foreign, name, offers, phrase, said
@@ -228,7 +228,7 @@ class Dialogue(Conditions):
 
     def _is_reply(self, reply: Reading, found: Choices) -> bool:
         """Whether a sentence answers or corrects what went before, rather than asks for something of its own."""
-        if self.now.only and self.open_question() is None:  # a phrase says what to do
+        if (self.now.only and self.open_question() is None) or crowded(found):  # a phrase says what to do
             return False
         if not reply.rejects and (len(reply.steps) > 1 or reply.steps[0].verb is not None):
             return False

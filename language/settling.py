@@ -111,6 +111,8 @@ def _distinct(possible: list[Choice]) -> list[Choice]:
 def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     """Return the outcome that the plans of a sentence lead to."""
     world = planner.world
+    if likely := crowded(found):
+        return refused(sentence, found._replace(failed=likely), world)
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
@@ -121,9 +123,6 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
     if not world.cells and any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
         return refused(sentence, found._replace(failed=measured), world)
-    crowded = [c for c in impossible if any(each in c.plan.failure for each in ONE_AT_A_TIME)]
-    if not world.cells and any(c.cost < top.cost - costs.LIKELIER for c in crowded):
-        return refused(sentence, found._replace(failed=impossible), world)
     close = [c for c in found.possible if c.cost <= top.cost + costs.CLOSE]
     rivals = close[1:]
     if not world.cells:  # only what one reading leaves open is asked about, unless another reading leaves nothing open
@@ -154,6 +153,15 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
         return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
     return understood(sentence, top, found.lattice, world, following)
+
+
+def crowded(found: Choices) -> list[Choice]:
+    """Return likely readings that use all words and want several things where one at a time can be."""
+    failed = [c for c in found.failed if not c.reading.unused and any(e in c.plan.failure for e in ONE_AT_A_TIME)]
+    if not failed or failed[0].plan.world.cells:
+        return []
+    other = min(found.failed[0].cost, found.possible[0].cost - 2 * costs.LIKELIER if found.possible else math.inf)
+    return failed if failed[0].cost < other + costs.LIKELIER else []
 
 
 def _is_so(choice: Choice) -> bool:
@@ -307,7 +315,7 @@ def _asked(sentence: str, rivals: list[Choice], found: Choices, world: WorldMode
     objects = [next((s.object for s in o.steps if not s.implied), None) for o in outcomes]
     candidates = tuple(dict.fromkeys(i for i in objects if i is not None))
     if len(candidates) == len(outcomes):
-        text = which(world, candidates)
+        text = _one_fits(outcomes, rivals[0], world) + which(world, candidates)
     else:
         goals = (
             [c.plan.anchor for c in rivals]
@@ -321,6 +329,15 @@ def _asked(sentence: str, rivals: list[Choice], found: Choices, world: WorldMode
     reading = rivals[0].reading
     span = _span(rivals[0].plan.entity, found.lattice, sentence)
     return Question(sentence, round(1 / len(rivals), 3), outcomes[0].unused, span, text, candidates, outcomes, reading)
+
+
+def _one_fits(outcomes: Sequence[Plan], choice: Choice, world: WorldModel) -> str:
+    """Return that one thing fits in a container, where several are to go there; "" elsewhere."""
+    entity, goals = choice.reading.steps[-1].entity, {outcome.steps[-1].goal for outcome in outcomes}
+    box = next(iter(goals))
+    if entity is None or not entity.plural or len(goals) > 1 or box not in world.containers:
+        return ""
+    return f"One thing fits in {name(world, box)}. "
 
 
 def which(world: WorldModel, candidates: Sequence[int]) -> str:

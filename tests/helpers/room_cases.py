@@ -1,5 +1,7 @@
 """A room with cubes, a drawer, a fridge, devices and the hand of a person, for tests of what is said there."""
 
+from dataclasses import replace
+
 from language import Dialogue, Object, Scene, WorldModel, table
 from language.verbs import ROOM
 
@@ -32,3 +34,23 @@ def outcome_of(turns, world=None):
     for turn in others:
         outcome = dialogue.answer(turn)
     return outcome
+
+
+ORANGE, CYAN, WHEEL = range(len(OBJECTS), len(OBJECTS) + 3)
+MORE = [
+    Object("cube", "orange", (0.36, -0.08, 0.025)),
+    Object("cube", "cyan", (0.46, 0.04, 0.025)),
+    Object("wheel", "red", (0.63, 0.03, 0.056), 0.07),
+]
+
+
+def larger_room(orange=MORE[0]):
+    """A room with some more things, where everything is at its home."""
+    world = room([*OBJECTS, orange, *MORE[1:]])
+    return replace(world, home={i: (thing.x, thing.y) for i, thing in enumerate(world.things)})
+
+
+def asked_steps(outcome):
+    """What is done with which thing; what is only taken to be put somewhere is left out."""
+    found = outcome.steps
+    return [(s.verb, s.object) for s, after in zip(found, [*found[1:], None], strict=True) if not s.takes or not after]

@@ -1,27 +1,13 @@
 """What visitors said that was once done wrong, refused without help, or answered with what is not so."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
 from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, board, table
 from language.talk import name, said, where
-from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, RED, YELLOW
-from tests.helpers.room_cases import room as small_room
-
-ORANGE, CYAN, WHEEL = range(len(OBJECTS), len(OBJECTS) + 3)
-MORE = [
-    Object("cube", "orange", (0.36, -0.08, 0.025)),
-    Object("cube", "cyan", (0.46, 0.04, 0.025)),
-    Object("wheel", "red", (0.63, 0.03, 0.056), 0.07),
-]
-
-
-def room(orange=MORE[0]):
-    """A room with some more things, where everything is at its home."""
-    world = small_room([*OBJECTS, orange, *MORE[1:]])
-    return replace(world, home={i: (thing.x, thing.y) for i, thing in enumerate(world.things)})
+from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, ORANGE, RED, WHEEL, YELLOW, asked_steps
+from tests.helpers.room_cases import larger_room as room
 
 
 def stacked():
@@ -31,12 +17,6 @@ def stacked():
 
 
 APART = [("red", (0.34, -0.2, 0.025)), ("green", (0.44, 0.0, 0.025))]
-
-
-def steps(outcome):
-    """What is done with which thing; what is only taken to be put somewhere is left out."""
-    found = outcome.steps
-    return [(s.verb, s.object) for s, after in zip(found, [*found[1:], None], strict=True) if not s.takes or not after]
 
 
 @pytest.mark.parametrize(
@@ -56,7 +36,7 @@ def steps(outcome):
 def test_what_is_asked_for_is_done_once_and_nothing_else(sentence, verbs, ids):
     outcome = Dialogue().answer(sentence, room())
     assert isinstance(outcome, Plan)
-    assert steps(outcome) == list(zip(verbs, ids, strict=True))
+    assert asked_steps(outcome) == list(zip(verbs, ids, strict=True))
 
 
 def test_a_round_trip_has_both_ways():
@@ -163,7 +143,7 @@ def test_a_command_that_is_taken_back_stops_what_is_being_done():
 def test_home_may_follow_other_steps(home):
     dialogue = Dialogue()
     outcome = dialogue.answer(f"open the drawer and then {home}", room())
-    assert steps(outcome) == [("open", DRAWER)]
+    assert asked_steps(outcome) == [("open", DRAWER)]
     assert "rest position" in outcome.notes[-1]
     assert dialogue.homeward
     dialogue.answer("what are you doing?", dialogue.now)
@@ -340,7 +320,7 @@ def test_what_a_thing_is_for_is_told(question, answer):
 def test_another_thing_may_be_named_after_a_question(said):
     dialogue, world = Dialogue(), room(Object("cube", "red", (0.36, -0.08, 0.025)))
     assert isinstance(dialogue.answer("pick up the red cube", world), Question)
-    assert steps(dialogue.answer(said, world)) == [("lift", YELLOW)]
+    assert asked_steps(dialogue.answer(said, world)) == [("lift", YELLOW)]
 
 
 def test_the_other_two_are_of_the_kind_that_was_spoken_of():
@@ -409,7 +389,7 @@ def test_them_are_all_things_of_the_last_plan():
 def test_colours_choices_and_states_that_are_wanted(said, step):
     outcome = Dialogue().answer(said, room())
     assert isinstance(outcome, Plan)
-    assert steps(outcome)[0] == step
+    assert asked_steps(outcome)[0] == step
 
 
 @pytest.mark.parametrize(
@@ -436,13 +416,13 @@ def test_otherwise_nothing_is_done():
 def test_a_bit_more_is_the_same_again():
     dialogue = Dialogue()
     dialogue.answer("turn the wheel", room())
-    assert steps(dialogue.answer("bit more", dialogue.now)) == [("turn", WHEEL)]
+    assert asked_steps(dialogue.answer("bit more", dialogue.now)) == [("turn", WHEEL)]
 
 
 def test_what_follows_going_home_is_done_from_where_the_arm_is():
     outcome = Dialogue().answer("go back to the start, then put the red cube in the drawer", room())
     assert isinstance(outcome, Plan)
-    assert steps(outcome) == [("open", DRAWER), ("put_in", RED)]
+    assert asked_steps(outcome) == [("open", DRAWER), ("put_in", RED)]
     assert "I begin where my arm is" in outcome.notes
     for only in ("go home, please", "go home"):
         assert Dialogue().answer(only, room()).control == "home"
@@ -472,125 +452,8 @@ def test_what_is_to_be_left_alone_is_not_moved(sentence):
 def test_it_is_what_was_not_to_be_touched():
     outcome = Dialogue().answer("don't touch the red cube but pick up the one next to it", room())
     assert isinstance(outcome, Plan)
-    assert steps(outcome)[0][1] != RED
+    assert asked_steps(outcome)[0][1] != RED
 
 
 def test_why_a_thing_has_its_colour_is_not_known():
     assert isinstance(Dialogue().answer("why is the fridge red?", room()), Refusal)
-
-
-@pytest.mark.parametrize(
-    ("sentence", "verbs", "ids"),
-    [
-        ("press the button - i dare you", ["press"], [BUTTON]),
-        ("take the red cube, if you can manage hehe", ["lift"], [RED]),
-        ("right, back to work, open the drawer", ["open"], [DRAWER]),
-        ("my daughter would love it if you opened the drawer", ["open"], [DRAWER]),
-    ],
-)
-def test_talk_about_people_and_the_occasion_changes_nothing(sentence, verbs, ids):
-    outcome = Dialogue().answer(sentence, room())
-    assert isinstance(outcome, Plan)
-    assert steps(outcome) == list(zip(verbs, ids, strict=True))
-
-
-@pytest.mark.parametrize(
-    ("sentence", "control"),
-    [
-        ("ok back off a bit, you're blocking my view", "home"),
-        ("stop! i can't watch this", "stop"),
-        ("open the drawer. just kidding", "stop"),
-    ],
-)
-def test_a_signal_is_given_with_its_reason(sentence, control):
-    outcome = Dialogue().answer(sentence, room())
-    assert isinstance(outcome, Signal)
-    assert outcome.control == control
-
-
-def test_who_wants_to_be_entertained_is_told_what_can_be_done():
-    said_last = Dialogue().answer("i'm a bit bored, show me something cool", room())
-    assert isinstance(said_last, Answer)
-    assert "open and close" in said_last.text
-
-
-@pytest.mark.parametrize(
-    ("sentence", "answers"),
-    [
-        (
-            "where is the red cube, and is the drawer open?",
-            ["The red cube is on the table", "drawer is closed"],
-        ),
-        ("how many cubes do you see, and is one of them yellow?", ["there are", "Yes: the yellow cube is yellow"]),
-        ("is the red cube nearer to the button or to the yellow one?", ["To the", "cm from the red cube"]),
-        ("did you break anything??", ["Not that I know"]),
-        ("is anything broken?", ["Not that I know"]),
-        ("are there any cubes here?", ["Yes: the "]),
-        ("what's in the drawer and what's in the fridge?", ["in the drawer. ", "in the fridge"]),
-    ],
-)
-def test_questions_are_answered_truly_each_of_several(sentence, answers):
-    outcome = Dialogue().answer(sentence, room())
-    assert isinstance(outcome, Answer)
-    assert [each for each in answers if each.lower() not in outcome.text.lower()] == []
-
-
-@pytest.mark.parametrize("sentence", ["is the red cube dirty?", "are the cubes heavy?", "is anything wet?"])
-def test_what_nobody_can_see_is_not_claimed(sentence):
-    assert isinstance(Dialogue().answer(sentence, room()), Refusal)
-
-
-def test_right_in_front_of_something_is_only_what_is_nearest():
-    outcome = Dialogue().answer("which cube is right in front of the wheel?", room())
-    assert isinstance(outcome, Answer)
-    assert outcome.about == (CYAN,)
-
-
-def test_of_two_things_that_have_no_room_together_none_is_moved():
-    outcome = Dialogue().answer("put the red and the yellow cube in the drawer", room())
-    assert isinstance(outcome, Refusal)
-    assert "one thing at a time" in outcome.text
-
-
-TOWERS = [("cube", "cyan", 1, 2, 0), ("cube", "cyan", 5, 3, 0), ("cube", "gray", 6, 0, 1), ("cube", "orange", 6, 0, 0)]
-
-
-def test_the_top_one_is_that_of_the_tower_that_was_spoken_of():
-    dialogue, world = Dialogue(), board(TOWERS)
-    world = dialogue.answer("stack the cyan ones", world).result
-    told = dialogue.answer("how high is that tower now?", world)
-    assert told.text.startswith("It is 2 high: the cyan cube")
-    outcome = dialogue.answer("too high for me, take the top one down again", world)
-    assert isinstance(outcome, Plan)
-    assert [world.things[step.object].color for step in outcome.steps] == ["cyan", "cyan"]
-
-
-def test_of_several_that_go_on_a_cube_the_next_goes_on_the_one_before():
-    outcome = Dialogue().answer("put both cyan cubes on the gray one", board(TOWERS))
-    assert isinstance(outcome, Plan)
-    assert sorted(thing.bottom for thing in outcome.result.things if thing.color == "cyan") == [2, 3]
-
-
-THREE = table(Scene([Object("cube", c, (0.44, y, 0.025)) for c, y in (("cyan", 0.0), ("pink", 0.17), ("blue", -0.2))]))
-
-
-def colors_from_below(world, index=1):
-    return [world.things[i].color for i in world.column(world.things[index].x, world.things[index].y)]
-
-
-def test_them_without_anything_spoken_of_are_all_and_the_order_of_a_tower_can_be_changed():
-    dialogue = Dialogue()
-    first = dialogue.answer("pile them all up with pink at the bottom", THREE)
-    assert isinstance(first, Plan)
-    assert colors_from_below(first.result)[0] == "pink"
-    outcome = dialogue.answer("actually i want blue at the bottom", first.result)
-    assert isinstance(outcome, Plan)
-    assert colors_from_below(outcome.result)[0] == "blue"
-    assert len(colors_from_below(outcome.result)) == 3
-
-
-def test_what_would_happen_is_told_and_can_be_tried():
-    dialogue = Dialogue()
-    told = dialogue.answer("what happens if i press the button", room())
-    assert told.text == "I would press the gray button. Say 'do it' if you want that"
-    assert steps(dialogue.answer("go on then, try it", room())) == [("press", BUTTON)]
