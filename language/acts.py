@@ -12,14 +12,21 @@ from rapidfuzz.distance import OSA
 from language.costs import SPELLING
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
+from language.remarks import command
 from language.scanning import Token, scan, verb_words
 from language.words import CONTROLS, TABLE, colors, nouns, phrases
 
 MARKS = ".,;:!?"
+_JOINS = (",", "and", "then", ";")
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
 _HOME = re.compile(
     r"\b(?:start|starting|initial|original|resting|rest|neutral|default|parking|base|first) "
     r"(?:position|pose|point|place|posture|location)\b"
+)
+_A_BIT_BACK = re.compile(  # "too far, move it back a little"
+    r"^(?:too (?:far|much) )?(?:(?:now |please )*(?:come|go|move|bring|put|push|pull|take)(?: it| that)? )?"
+    r"(?:back(?: by)?(?: just)? (?:a )?(?:tiny |little |small )*(?:bit|little|tad|touch|notch|smidge)"
+    r"|(?:a )?(?:tiny |little |small )*(?:bit|little) back)(?: please| again)*$"
 )
 _ADVERBS = (
     "so",
@@ -71,6 +78,7 @@ def _phrases() -> dict[tuple[str, ...], str]:
 def _plain(words: Iterable[str]) -> tuple[str, ...]:
     """Return words without adverbs, and with one name for the place where the arm rests."""
     text = re.sub(r"\btoo (?=(?:fast|quick)\b)", "too-", " ".join(words))
+    text = _A_BIT_BACK.sub("back a bit", text)
     text = _HOME.sub("home position", " ".join(word for word in text.split() if word not in _ADVERBS))
     text = re.sub(r"^(?:but )?(?:you|that) (?:have |did )?\w+ (?:it )?(?:in |on |at )?wrong \w+$", "wrong one", text)
     return tuple(re.sub(r"\b(?:stop|quit|cease) \w+ing\b(?: it| that)?$", "stop", text).split())
@@ -103,6 +111,8 @@ def act_of(words: Sequence[str]) -> str | None:
             if act and rest and (best[at] is None or rest[0] + 1 < best[at][0]):  # type: ignore[index]
                 best[at] = rest[0] + 1, (act, *rest[1])
     acts = [act for act in (best[0] or (0, ()))[1] if act != "polite"]
+    if words[-1:] == ("right",) and {"said", "meant", "mean"} & {*words}:  # "I said right" tells a side
+        return None
     strong = [act for act in acts if act not in ("social", "sorry", "yes", "no")]
     if "no" in acts and strong == ["again"]:
         return "wrong"
@@ -140,6 +150,55 @@ def times(words: Sequence[str]) -> tuple[int, list[int]]:
         if word in NUMBERS and words[end : end + 1] == ["times"]:
             return NUMBERS[word], list(range(at, end + 1 + (words[end + 1 : end + 2] == ["more"])))
     return 1, []
+
+
+# ---- Sentences without what says nothing more
+
+
+def without_idle(sentence: str, parts: list[Part]) -> str:
+    """Return a sentence with blanks where parts say nothing that matters to the others, and "no" where they correct."""
+    said = False
+    for part in parts:
+        sentence = _without_small_talk(sentence, part)
+    if all(part.act in IDLE for part in parts):
+        return sentence
+    for part in parts:
+        corrects = part.act in ("no", "wrong", "sorry")
+        if part.act is not None and part.act not in IDLE and not corrects:
+            break
+        if part.act is None:
+            said = True
+        elif not (said and part.act != "social"):
+            kept = "no" if corrects else ""
+            sentence = f"{sentence[: part.start]}{kept.ljust(part.end - part.start)}{sentence[part.end :]}"
+    return sentence
+
+
+def beside_home(sentence: str) -> tuple[int, int]:
+    """Return where a sentence begins after "go home and then", and where it ends before "and then go home"."""
+    tokens = [token for token in scan(sentence) if token.text not in ".!?"]
+    joints = [at for at, token in enumerate(tokens) if at and token.text in _JOINS]
+
+    def goes(part: list[Token]) -> bool:
+        return act_of([token.text for token in part if token.text not in _JOINS]) == "home"
+
+    after = [token for token in tokens[joints[0] :] if token.text not in _JOINS] if joints else []
+    start = after[0].start if after and goes(tokens[: joints[0]]) else 0
+    return start, next((tokens[at - 1].end for at in joints if goes(tokens[at + 1 :])), len(sentence))
+
+
+def _without_small_talk(sentence: str, part: Part) -> str:
+    """Return a sentence with blanks where a part begins with small talk before a command: "haha now open it"."""
+    words = part.words
+    for end in range(len(words) - 1, 0, -1) if part.act is None else ():
+        if words[end - 1] in ("is", "that", "it", "this", "you", "was", "i"):  # "yes, that is what I meant"
+            continue
+        chat = act_of(words[:end]) in ("social", "yes") and any(act_of([word]) == "social" for word in words[:end])
+        rest = " ".join(words[end:])
+        if chat and (command().match(rest) or question(rest)):
+            start = part.start + scan(sentence[part.start : part.end])[end].start
+            return f"{sentence[: part.start]}{' ' * (start - part.start)}{sentence[start:]}"
+    return sentence
 
 
 # ---- Questions
@@ -189,7 +248,15 @@ _REQUESTING = re.compile(
 
 _TOWER = r"(?:that |this |my )?(?:tower|stack|pile)"
 _CONSISTS = r"(?:made|built|consist|made up|contain|have|got|of|from|out of)"
-_IMPERATIVES = (  # commands that ask for an answer
+_TAGGED = r"(?: ,)? (?:is|are|do|did|does|have|has|was|were|can) (?:not )?(?:you|it|they|he|that|there)(?: not)?"
+_IMPERATIVES = (  # what asks without a question word, or in another form
+    (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?(.+?){_TAGGED}", r"\2 \1 \3"),
+    (r"(is|are|was|were|does|did|has) not (.+)", r"\1 \2"),
+    (r"(?:and )?(?:what )?(?:about |was |came |happened |did you do )?before that", "what did you do before that"),
+    (r"(?:when|if|whether|once) you are (ready|done|finished|there)", r"are you \1"),
+    (r"(?:you |have you |you have )?got (any\w*|some\w*|an? \w+) ((?:in|on|under) .+)", r"is there \1 \2"),
+    (r"who (?:is holding|holds|has|has got) (.+)", r"where is \1"),
+    (r"what (an? \w+) (?:is|does)(?: for)?", r"what is \1 for"),
     (r"count(?: up)? (?:how many )?(?!out\b)(.+?)(?: and (?:report|tell|say|give)\b.*)?", r"how many \1"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?colou?rs? of (.+)", r"what colour is \1"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?number of (.+)", r"how many \1"),
@@ -240,6 +307,7 @@ _ASKED = ("what", "where", "which", "how", "who", "why", "whose")
 def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
     asked = _OPENING.sub("", text.rstrip(" ?.!"))
+    asked = re.sub(r" , (?:right|correct|yes|no|true)$", " , is it", asked) if text.endswith("?") else asked
     first, _, rest = asked.partition(" ")
     if rest and len(first) > 2 and first not in (*_ASKED, *STRANGERS) and (first, 0.0) not in spellings(first):
         near = [word for word in _ASKED if OSA.distance(first, word) == 1]
@@ -260,7 +328,7 @@ def question(text: str) -> str | None:
 
 CONDITION = re.compile(
     r"^(?P<how1>if|only if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever|unless) "
-    r"(?P<if>.+?)(?<! is)(?<! are)(?<!you)(?<!\bi)(?<!\bwe)"
+    r"(?P<if>.+?)(?<! is)(?<! are)(?<! not)(?<!you)(?<!\bi)(?<!\bwe)"
     rf"(?: [,:]| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
     r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
     r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "
@@ -269,13 +337,16 @@ CONDITION = re.compile(
 SAME = re.compile(
     r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|that|it)"
     r"(?: thing| again| once more)*(?: ,)?(?: but)? "
-    r"(?:with|for|to|using|goes for)|how about|what about|also) | (?:as well|too|also|likewise)$"
+    r"(?:with|for|to|using|goes for)|(?:and )?(?:once )?(?:again|more) (?:but )?(?:with|for)"
+    r"|how about|what about|also) | (?:as well|too|also|likewise)$"
 )
 _PROPOSED = re.compile(
     r"^why (?:can|could|will|would|do|did) (?:not you|you not) (?P<not>.+)$"
     r"|^(?:can|could|would) you (?P<told>.+) if i (?:asked|told|wanted|ask|tell|want)(?: you)?(?: to)?$"
     r"|^what (?:would|will|does|happens?)(?: you)?(?: happen| do)? if (?:i|you|we)?(?: said| say| told you to"
     r"| asked you to| ask you to| tell you to| would| will| were to)? ?(?P<command>.+)$"
+    r"|^how (?:do|can|would|should|must) (?:i|we|one) (?:say|tell you|ask you|get you|make you)(?: that you"
+    r" (?:should|must|shall)| that| to)? (?P<asked>.+)$"
     r"|^(?:can|could|may|should) (?:i|one) (?P<mine>(?:put|stack|place|move|fit|store|use|open|close|press|turn)\b.+)$"
     r"|^(?:can|could|would|does|do|will|may|should) (?P<what>(?!you\b|i\b|we\b).+?) "
     r"(?:fit|fits|go|stand|lie|be put|be|sit)(?: back)? (?P<where>(?:in|on|into|inside|next|to|onto|at|under|behind"
@@ -293,5 +364,6 @@ def proposal(asked: str) -> str | None:
         or match["told"]
         or match["not"]
         or match["mine"]
+        or match["asked"]
         or f"put {match['what']} {match['where']}"
     )

@@ -14,7 +14,20 @@ from functools import reduce
 import numpy as np
 
 from language import costs
-from language.acts import ABLE, IDLE, SAME, Part, act_of, parts_of, proposal, question, says, times
+from language.acts import (
+    ABLE,
+    IDLE,
+    SAME,
+    Part,
+    act_of,
+    beside_home,
+    parts_of,
+    proposal,
+    question,
+    says,
+    times,
+    without_idle,
+)
 from language.conditions import Conditions
 from language.errors import NotUnderstood
 from language.lattice import vocabulary
@@ -48,13 +61,15 @@ _NOTHING = {
 _SPEED = "my arm keeps its own speed; the clock has a speed, under Time"
 _NEXT = "Say what I shall do next"
 _FROM_HERE = "I begin where my arm is"
-_JOINS = (",", "and", "then", ";")
 
 
 _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
 IT_SHALL = re.compile(r"(?:please )?(?:do (?:it|so|that)|then do|please do|make it so)\W*$")
 _CERTAIN = re.compile(r"\b(?:the|those|these|all|both|two|three|four|my|your|please)\b", re.IGNORECASE)
 _SIDED = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
+_LEAVES = re.compile(
+    r"\b(?:leave|keep) (?:it|that|this|them) (?:in|on|at|next|near|beside|behind|between|under|left|right)\b"
+)
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
 
@@ -108,7 +123,7 @@ class Dialogue(Conditions):
         words = [word for part in parts for word in part.words]
         if not words:
             return Refusal(sentence, span=span, text="I did not get any words", suggestions=offers(world))
-        if start := _beside_home(sentence)[0]:
+        if start := beside_home(sentence)[0]:
             outcome = self._answer(" " * start + sentence[start:], made)
             if isinstance(outcome, Plan) and outcome.steps:
                 return replace(outcome, sentence=sentence, notes=(_FROM_HERE, *outcome.notes))
@@ -124,18 +139,18 @@ class Dialogue(Conditions):
             return Refusal(sentence, span=span, reason="language", text=strange, suggestions=offers(world))
         if (chat := self._stated(sentence, parts)) is not None:
             return chat
-        text = _without_idle(sentence, parts)
+        text = without_idle(sentence, parts)
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Signal(sentence, 1.0, (), span, control="stop", text=f"All right, I do nothing. {_NEXT}")
         if (told := self._asked(sentence, text, made)) is not None:
             return replace(told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
             return self._unknown(sentence, words)
-        _, end = _beside_home(text)
+        _, end = beside_home(text)
         text, homeward = text[:end], end < len(text)
         plain = " ".join(token.text for token in scan(text) if token.text not in ".,!?")
         found = self._restored(text, plain) or self._raised(text, plain) or self._nearer(text, plain)
-        found = found or self._command(self._reordered(plain) or text, made)
+        found = found or self._unheld(text, plain) or self._command(self._reordered(plain) or text, made)
         outcome = replace(found, sentence=sentence)
         if homeward and isinstance(outcome, Plan) and outcome.steps:
             self.homeward = True
@@ -169,9 +184,15 @@ class Dialogue(Conditions):
     def _aside(self, sentence: str, parts: list[Part], outcome: Outcome) -> Outcome | None:
         """Return what a signal or small talk comes to whose other parts say nothing: "stop, you'll break it"."""
         act = next((part.act for part in parts if part.act not in (None, "yes", "no", "any", "sorry", "wrong")), None)
+        if act in ("faster", "slower") and stated(
+            [part for part in parts if part.act is None]
+        ):  # "careful, it will fall"
+            return self._signal(sentence, [word for part in parts if part.act == act for word in part.words])
         said = [word for part in parts for word in part.words]
         if act is None and isinstance(outcome, Refusal):  # "stop it, or else"
-            if re.search(rf"\b(?:{COLOR}|{THING}|{verb_words()})\b", " ".join(said[2:])):
+            if re.search(rf"\b(?:{COLOR}|{THING}|{verb_words()})\b", " ".join(said[2:])) or _LEAVES.search(
+                " ".join(said)
+            ):
                 return None
             starts = (act_of(said[:end]) for end in range(1, len(said)))
             act = next((each for each in starts if each in ("stop", "wait")), None)
@@ -292,7 +313,7 @@ class Dialogue(Conditions):
             return self._again(sentence, number, bool(LITTLE & {*words})) or self._nothing(sentence, "again")
         if act == "less" and self.done() is not None and self.last is not None:
             back = partly_back(self.last)
-            return self._settle(sentence, back) if back is not None else self._nothing(sentence, act)
+            return self._settle(sentence, back) if back is not None else self._undone(sentence, number)
         if act == "opposite":
             return self._turned_round(sentence) or self._nothing(sentence, act)
         if act == "yes" and asked is None and isinstance(did, Signal) and did.control in ("stop", "wait"):
@@ -396,7 +417,7 @@ class Dialogue(Conditions):
             rest = " ".join(part.words)
             later = [i for i in range(at, len(parts) - 1) if parts[i].mark in ".!?"]
             end = later[0] if later else len(parts) - 1
-            asked = question(" , ".join(" ".join(each.words) for each in parts[at : end + 1]))
+            asked = question(" , ".join(" ".join(each.words) for each in parts[at : end + 1]) + parts[end].mark)
             if asked is not None and ABLE.match(asked) and _CERTAIN.search(sentence):  # "can you stack the cubes?"
                 asked = None
             if asked is None and at == 0 and self.open_question() is None and (again := self._asked_again(rest)):
@@ -499,7 +520,7 @@ class Dialogue(Conditions):
 
     def _supposed(self, sentence: str, command: str) -> Outcome:
         """Return what would come of a command: "could it go on the red one?"."""
-        tried = self.copy()._command(command, ())
+        tried = self._signal(command, command.split()) or self.copy()._command(command, ())
         about = tried.about
         if isinstance(tried, Plan):
             about = tuple(dict.fromkeys(i for step in tried.steps for i in (step.object, step.goal) if i is not None))
@@ -508,6 +529,10 @@ class Dialogue(Conditions):
             text = f"{can}I would {said(self.now, tried.steps)}. Say 'do it' if you want that"
             if full:
                 text = f"no: one thing fits in {name(self.now, full[0])}, and it is full"
+        elif isinstance(tried, Question) and tried.candidates:
+            text = f"yes, that can be done, for example with {name(self.now, tried.candidates[0])}: say with which"
+        elif isinstance(tried, Signal):
+            text = f"say {command!r}"
         else:
             text = f"no: {getattr(tried, 'text', '')}" if isinstance(tried, Refusal) else tried.message
         return Answer(sentence, 0.8, (), (0, len(sentence)), about=about, text=text[0].upper() + text[1:])
@@ -547,52 +572,6 @@ def _social(sentence: str, world: WorldModel) -> Answer:
     else:
         text = "All right"
     return Answer(sentence, 1.0, text=f"{text}. {_NEXT}")
-
-
-def _without_idle(sentence: str, parts: list[Part]) -> str:
-    """Return a sentence with blanks where parts say nothing that matters to the others, and "no" where they correct."""
-    said = False
-    for part in parts:
-        sentence = _without_small_talk(sentence, part)
-    if all(part.act in IDLE for part in parts):
-        return sentence
-    for part in parts:
-        corrects = part.act in ("no", "wrong", "sorry")
-        if part.act is not None and part.act not in IDLE and not corrects:
-            break
-        if part.act is None:
-            said = True
-        elif not (said and part.act != "social"):
-            kept = "no" if corrects else ""
-            sentence = f"{sentence[: part.start]}{kept.ljust(part.end - part.start)}{sentence[part.end :]}"
-    return sentence
-
-
-def _beside_home(sentence: str) -> tuple[int, int]:
-    """Return where a sentence begins after "go home and then", and where it ends before "and then go home"."""
-    tokens = [token for token in scan(sentence) if token.text not in ".!?"]
-    joints = [at for at, token in enumerate(tokens) if at and token.text in _JOINS]
-
-    def goes(part: list[Token]) -> bool:
-        return act_of([token.text for token in part if token.text not in _JOINS]) == "home"
-
-    after = [token for token in tokens[joints[0] :] if token.text not in _JOINS] if joints else []
-    start = after[0].start if after and goes(tokens[: joints[0]]) else 0
-    return start, next((tokens[at - 1].end for at in joints if goes(tokens[at + 1 :])), len(sentence))
-
-
-def _without_small_talk(sentence: str, part: Part) -> str:
-    """Return a sentence with blanks where a part begins with small talk before a command: "haha now open it"."""
-    words = part.words
-    for end in range(len(words) - 1, 0, -1) if part.act is None else ():
-        if words[end - 1] in ("is", "that", "it", "this", "you", "was", "i"):  # "yes, that is what I meant"
-            continue
-        chat = act_of(words[:end]) in ("social", "yes") and any(act_of([word]) == "social" for word in words[:end])
-        rest = " ".join(words[end:])
-        if chat and (command_word().match(rest) or question(rest)):
-            start = part.start + scan(sentence[part.start : part.end])[end].start
-            return f"{sentence[: part.start]}{' ' * (start - part.start)}{sentence[start:]}"
-    return sentence
 
 
 def _certain(made: Sequence[Gesture]) -> list[int]:

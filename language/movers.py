@@ -46,6 +46,8 @@ class Movers(Steps):
         named = [i for i in plan.it if allows(world, act, i)]
         if act in LOOSE and not named and not plan.steps:  # "put the cube in and close it", "put it back"
             named = [i for i in self.recent[:3] if allows(world, act, i)][:1]
+        if act is Act.UNSTACK and world.held is not None:  # that stands on nothing
+            named = [i for i in (*self.recent, *self._unnamed(plan, act)) if world.below[i] is not None][:1] or named
         if act in BOXES and plan.box is not None and not named:
             named = [plan.box]
         if act in BOXES and not named and plan.it and plan.it[0] in world.inside:

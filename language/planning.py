@@ -19,6 +19,7 @@ from language.steps import (
     KEPT,
     LOOSE,
     Draft,
+    allows,
     different,
     finished,
 )
@@ -134,7 +135,9 @@ class Planner(Several):
             return True
         if entity.kind == "it":
             held = plan.world.held is not None and clause.act in LOOSE
-            return entity.plural and (len(plan.it) > 1 or entity.every or clause.act in BOXES) and not held
+            last = self.recent[:2] if clause.act in (Act.CARRY, Act.TOUCH, Act.GATHER) else ()
+            two = len(plan.it) > 1 or sum(allows(plan.world, clause.act, i) for i in last) > 1
+            return entity.plural and (two or entity.every or clause.act in BOXES) and not held
         whole = clause.act is Act.UNSTACK and entity.kind == "stack"
         return whole or entity.kind == "list" or entity.every or (entity.number or 1) > 1
 

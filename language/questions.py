@@ -32,7 +32,7 @@ _ADDING = re.compile(
     r"\b(?:not|no longer|still|already|now|currently|right(?= now| there)|at moment|or not|yet|really|also|just"
     r"|directly|be|been|being|standing|lying|located|placed|sitting|resting|both|either|today|happens to|any more"
     r"|anymore|actually|properly|completely|left(?= open| closed| shut| over|$)|always|maybe|hidden|stored|there|then"
-    r"|in this room|in room|here)\b ?"
+    r"|in this room|in room|here|somewhere|anywhere)\b ?"
 )
 _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": False, "close": False}
 _OPERATED = {
@@ -50,6 +50,11 @@ _OPERATED = {
 _GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to")  # a phrase that ends so is not whole
 _SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
 _CLOSE = r"(?:right|directly|just|immediately)"
+_WORKED = re.compile(
+    r"(?:(?:that|this|it|everything|all)(?: has| had| all)?|you(?: have| did| are| could| can)?)"
+    r"(?P<not> (?:did |has )?not)?(?: did)? (?:work|worked|works|succeed|succeeded|went well|go well|well|managed?"
+    r"|did it|do it|done|finished)(?: that| it| this)?$"
+)
 _BEST = r"\b(?:closest|nearest|farthest|furthest|most)\b"
 _SEVERAL = re.compile(  # between two questions
     r" (?:, )?(?:and |but |, )(?:also )?(?=(?:how|where|what|which|who|why)\b"
@@ -528,6 +533,9 @@ class Questions(SelfAnswers):
 
     def is_true(self, condition: str) -> bool | None:
         """Return whether a condition is so: "the drawer is open", "there is a green cube"; None if nobody can tell."""
+        if worked := _WORKED.match(condition):
+            done = self.done(worked)
+            return done is not None and done.startswith("yes") != (worked["not"] is not None)
         negated = bool(re.search(r"\bnot\b", condition))
         plain = re.sub(r"\bnot ", "", condition)
         if re.match(r"(?:you|your gripper|gripper) .*\b(?:hold|holding|full|free|empty)\b", plain):

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from language.acts import question
+from language.acts import act_of, question
 from language.lattice import Lattice, vocabulary
 from language.meanings import Gesture
 from language.memory import Memory
@@ -72,6 +72,8 @@ class Recollections(Memory):
     def recalled(self, sentence: str) -> Recalled:
         """Return a sentence with the things and places that it tells by what was said and done."""
         places: list[tuple[int, Gesture]] = []
+        if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
+            return Recalled(sentence)
         for find in (self._by_name, self._by_deed, self._by_order, self._by_stand):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
@@ -133,10 +135,10 @@ class Recollections(Memory):
     def _done_with(self, match: re.Match[str]) -> list[int]:
         """Return the things with which something was done: the first, the last, the last two."""
         said = match.groupdict()
-        acts = _acts(said["verb"]) if "verb" in said else frozenset(Act)
+        acts = acts_of(said["verb"]) if "verb" in said else frozenset(Act)
         if acts & {Act.TAKE, Act.HOLD} and "verb" in said and self.now.held is not None:
             return []  # that is what is held
-        things = [step.object for step in self._steps() if _is_done(step, acts)]
+        things = [step.object for step in self._steps() if is_done(step, acts)]
         meant = colors().get(said.get("color") or "", ())
         cubes = (said.get("noun") or "").startswith(("cube", "block"))
         things = [i for i in things if not meant or self.now.things[i].color in meant]
@@ -189,7 +191,7 @@ def _words(tokens: list[Token]) -> str:
     return " ".join(token.text for token in tokens)
 
 
-def _acts(verb: str) -> frozenset[Act]:
+def acts_of(verb: str) -> frozenset[Act]:
     """Return what a verb means, as it is or inflected."""
     tokens = scan(verb)
     lattice = Lattice(tokens) if tokens else None
@@ -197,7 +199,7 @@ def _acts(verb: str) -> frozenset[Act]:
     return frozenset(KNOWN[edge.value].act for edge in edges if not edge.cost and edge.end == len(tokens))
 
 
-def _is_done(step: Step, acts: frozenset[Act]) -> bool:
+def is_done(step: Step, acts: frozenset[Act]) -> bool:
     """Whether a step does what one of these verbs says."""
     if acts & {Act.TAKE, Act.HOLD, Act.REMOVE, Act.UNSTACK} and (step.takes or step.carries):
         return True

@@ -420,7 +420,7 @@ class Resolver:
 
     def _resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None) -> list[Ref]:
         if entity.kind == "it":
-            return [thing_ref(self.world, index) for index in self.it]
+            return [thing_ref(self.world, i) for i in (self.it != (self.origin,) and self.it) or self.others or self.it]
         if entity.kind == "list":
             return [ref for part in entity.parts for ref in self.resolve(part, usable)[:1]]
         selecting = tuple(relation for relation in entity.relations if self._selects(entity, relation))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
 from language import costs
+from language.acts import act_of
 from language.meanings import Clause, Entity, Measure, Reading, RelationPhrase
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
@@ -65,6 +67,11 @@ _NEARER = re.compile(
     r"(?P<how>closer|nearer|(?:further|farther) (?:away|apart|off))"
     r"(?: (?:together|to it|to that|from it|from that|please|now|a bit|a little|again|still|than that))*$"
 )
+_HELD = re.compile(
+    r"\b(?:things?|ones?|cubes?|blocks?|objects?|what|whatever|that) (?:that |which )?(?:(?:you|robot|arm|gripper) "
+    r"(?:(?:are|is|still|now|currently|have) )*(?:hold|holds|holding|carry|carries|carrying|grip|gripping|grasping)"
+    r"|(?:is |are )?in (?:your|robot) (?:gripper|hand|claw|fingers))\b"
+)
 _BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "nearest")  # places beside another thing
 
 
@@ -102,8 +109,24 @@ class Replies(Recollections):
         if world.held is not None and clause.entity is None and not world.cells:
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
         restore = reply.rejects and (clause.entity is not None or world.cells)
-        meant = revised(self.last, reply)
+        meant = revised(self._beside_chosen(self.last), reply)
         return self._tried(sentence, meant if reply.rejects else [self._higher(each) for each in meant], found, restore)
+
+    def _beside_chosen(self, last: Reading) -> Reading:
+        """Return the last reading with the thing that its place was beside: the one that was chosen."""
+        done, clause = self.done(), last.steps[-1]
+        place = clause.places[0] if clause.places else None
+        if done is None or getattr(done.outcome, "reading", None) is not last or place is None or self.now.cells:
+            return last
+        at = [step.place for step in getattr(done.outcome, "steps", ()) if step.carries and step.place is not None]
+        if place.name not in _BESIDE or len(place.anchors) != 1 or place.anchors[0].kind != "thing" or not at:
+            return last
+        refs = [ref for ref in self.planner().resolver(done.world, (), None).resolve(place.anchors[0]) if ref.things]
+        if len(refs) < 2:
+            return last
+        chosen = min(refs, key=lambda ref: math.dist((ref.x, ref.y), at[-1]))
+        beside = replace(place, anchors=(pinned(chosen.things[-1]),))
+        return replace(last, steps=(*last.steps[:-1], replace(clause, places=(beside, *clause.places[1:]))))
 
     def _higher(self, reading: Reading) -> Reading:
         """Return a reading whose place was said before as on top of the tower that is there since."""
@@ -183,6 +206,16 @@ class Replies(Recollections):
             return None
         return f"stack them all, {match['thing']} at the {match['level']}"
 
+    def _unheld(self, sentence: str, text: str) -> Outcome | None:
+        """Return the refusal of what is to be done with a thing in the gripper, where that is empty.
+
+        text: the words of the sentence.
+        """
+        if self.now.held is not None or not _HELD.search(text):
+            return None
+        why, offered = "my gripper is empty: I hold nothing", offers(self.now)
+        return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=why, suggestions=offered)
+
     def _nearer(self, sentence: str, text: str) -> Outcome | None:
         """Return what comes of "a bit closer" after a thing was put beside another one; None of other words.
 
@@ -258,7 +291,8 @@ class Replies(Recollections):
         if entity is not None and at == len(texts) and (entity.ordinal or heads - {*range(first, end)}):
             return None  # it says more than the phrase
         if len(left) < len(asked.candidates) and (entity is None or entity.any):
-            plans = (self._filled(sentence, asked, i) for i in (left if entity is not None or len(left) == 1 else ()))
+            free = entity is not None or len(left) == 1 or act_of(texts[:at]) == "any"
+            plans = (self._filled(sentence, asked, i) for i in (left if free else ()))
             again = Question(sentence, 0.5, text=which(self.now, left), candidates=left, reading=self.last)
             return next((plan for plan in plans if isinstance(plan, Plan)), again if left else None)
         chosen = self._chosen(sentence, replace(asked, candidates=left), entity, found) if entity is not None else None

@@ -11,6 +11,7 @@ from typing import Any
 from language.lattice import Lattice
 from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
+from language.recalling import acts_of, is_done
 from language.revising import tells
 from language.scanning import scan
 from language.spots import is_elsewhere
@@ -21,6 +22,10 @@ from language.viewpoint import whose_left
 from language.words import GROUPS, NUMBERS
 from language.world import WorldModel
 
+_DEED = re.compile(
+    r"(?:did|have) (?:you|we|i) (?:already |just |ever |really |even )*(?P<verb>\w+(?: (?:up|down|out|off))?)"
+    r" (?P<what>.+?)(?: yet| already| before| again| up| down)*$"
+)
 _MORE = re.compile(
     r"\b(?:doing|made|worth|used|standing|sitting|lying|resting|\w+(?:est|most))\b| (?:on|in|under|to|of|at|for)$"
 )
@@ -96,12 +101,19 @@ class SelfAnswers(ABC):
         return f"{told}. {'' if held else 'Now '}{now}"
 
     def did(self, match: re.Match[str]) -> str | None:
-        """Say what was done last or first, or whether and where something was put."""
+        """Say what was done last or first, how often, or whether and where something was put."""
         plans, text = self._plans(), match.string
-        entity, things = self.refs(text) if re.match(r"(?:did|have) ", text) else (None, [])
-        if things and entity is not None and entity.kind == "thing" and (entity.noun or entity.colors):
-            done = [turn for turn, plan in plans if any(step.object in things for step in plan.steps)]
+        asked = _DEED.match(text)
+        entity, things = self.refs(asked["what"]) if asked else (None, [])
+        if asked and things and entity is not None and (entity.kind == "it" or entity.noun or entity.colors):
+            acts = acts_of(asked["verb"])
+            steps = [step for _, plan in plans for step in plan.steps if step.object in things]
+            done = any(is_done(step, acts) for step in steps) if acts else bool(steps)
             return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"
+        if text.startswith("how many"):
+            told = "; then ".join(said(turn.world, plan.steps) for turn, plan in plans)
+            number = "one thing" if len(plans) == 1 else f"{len(plans)} things"
+            return f"I did {number}: {told}" if plans else "I have done nothing yet"
         into = re.search(r"\b(?:inside|in|into)\b(?: (.*))?$", text)
         if into:
             boxes = self.refs(into[1])[1] if into[1] and "there" not in into[1] else []
@@ -120,6 +132,10 @@ class SelfAnswers(ABC):
             turn, plan = plans[0 if earlier[0] == "first" else -2]
             return f"I did this: {said(turn.world, plan.steps)}"
         return self.account()
+
+    def upcoming(self, match: re.Match[str]) -> str | None:
+        """Say what is done next: nothing of its own accord."""
+        return "nothing more: I have done what you asked for. Say what I shall do next"
 
     def done(self, match: re.Match[str]) -> str | None:
         """Say whether what was asked for last has been done, or whether a thing that was moved has fallen since."""

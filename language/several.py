@@ -125,6 +125,8 @@ class Several(Movers):
                 return replace(plan, failure="nothing stands on another thing: there is no tower", reason="impossible")
         if wanted and entity.every and len(things) > wanted and entity.noun is None and not entity.colors:  # "both"
             spoken = [i for i in things if i in (*plan.it, *plan.mentioned)]
+            last = [i for i in self.recent[:wanted] if i in things and act in (Act.CARRY, Act.TOUCH, Act.GATHER)]
+            spoken = last if len(last) == wanted and len(spoken) < wanted and not entity.other else spoken
             alike = [i for i in things if i not in spoken and world.things[i].kind in self._kinds(plan)]
             if entity.other and len(alike) == wanted:  # "the other two", after one of three balls
                 return alike

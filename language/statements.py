@@ -34,7 +34,8 @@ _OPINION = re.compile(
     rf"|(?:i|we|my \w+) {_VERY}(?:am|are|was|were|feel|felt|like|love|enjoy|enjoyed|hate|hated|liked|loved|admire"
     r"|appreciate|could not|can not|do not understand|do not know (?:what|how)|will (?:love|like|enjoy)"
     r"|would (?:never|not)|never (?:saw|thought|seen|knew)|did not (?:know|expect|think))\b"
-    rf"|(?:that|this|it|these|they|all this|everything) {_VERY}(?:is|was|were|are|looks|looked|seems|seemed|feels|felt"
+    rf"|(?:that|this|it|these|they|all this|everything) {_VERY}(?:(?:will|might|could|may) \w+$"
+    r"|is|was|were|are|looks|looked|seems|seemed|feels|felt"
     r"|works|worked|went|sounds|makes me|made me)\b"
     r"|what an? (?!.*\b(?<!you )(?:is|are|was|does|do|can|should)\b).*$"
     rf"|how (?!{_ASKS})\w+(?: (?:it|that|this|you) (?:is|are|was|looks?))?$"
@@ -70,7 +71,7 @@ def _asking() -> re.Pattern[str]:
         r"|asked|instead|please|wrong|left|next to|on top|on it|in it|in there|closer|farther|further|behind|between"
         r"|under|inside|too (?:far|much|high|low|close|fast|slow)|slow|quick|fast|slower|faster|open|closed|shut|empty"
         r"|full|if|to (?:have|see|get) (?:it|that|them|this)|(?:like|love) (?:you )?to|how about|other|another|one"
-        rf"|(?:and|then|now|but|or|so) (?:{verb_words()})|waiting for"
+        rf"|(?:and|then|now|but|or|so) (?:{verb_words()})|waiting for|holding|carrying"
         r"|(?<!you )(?:take|give|put|get|bring|help|move|open|close|hold) (?:it|me|that|this))\b"
         r"|^(?:that|it|this) (?:is|was) (?:it|all|enough|not|no)\b"
     )
