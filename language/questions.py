@@ -348,7 +348,9 @@ class Questions(SelfAnswers):
             shown = "; ".join(self._told(i, stated.about) for i in fits[:3])
             nothing = head.startswith("nothing")
             return (
-                f"{'no' if nothing else 'yes'}: {shown}" if fits else f"{'yes' if nothing else 'no'}: nothing is {rest}"
+                f"{'no' if nothing else 'yes'}: {shown}"
+                if fits
+                else f"{'yes' if nothing else 'no'}: nothing is {_plain(re.sub(rf'^{_BE} ', '', rest))}"
             )
         every = re.search(r"\b(?:both|all|every|and|each)\b", match[0]) is not None
         yes = len(fits) == len(things) if every else bool(fits)
@@ -450,7 +452,7 @@ class Questions(SelfAnswers):
         self.things = fits
         plain = _ADDING.sub("", f"{rest} ").strip() if not negated else rest
         if not fits and stated.about == "under":
-            return f"nothing is {plain}"
+            return f"nothing is {plain}" + self._unsupported(plain.partition(" ")[2])
         if not fits and (not things or re.search(rf"{_BEST}|\b(?:is|are)\b", rest)):
             return None  # one is always the farthest: the words were not all used
         if not fits:
@@ -459,6 +461,11 @@ class Questions(SelfAnswers):
         if stated.about in ("place", "under") and len(fits) <= 3 and not re.search(_BEST, plain):
             return "; ".join(self._told(i, stated.about) for i in fits)
         return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {plain}"
+
+    def _unsupported(self, text: str) -> str:
+        """Return ": " and where the thing that some words name is, if it stands on no other one."""
+        things = [i for i in self.subject(text) or [] if self.world.below[i] is None]
+        return "".join(f": {self._told(i, 'place')}" for i in things[:1])
 
     def _best(self, rest: str, noun: str) -> str | None:
         """Say which thing is closest to something, or farthest from it: "which cube is closest to the red one?"."""

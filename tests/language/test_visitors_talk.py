@@ -3,7 +3,7 @@
 import pytest
 
 from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, board, table
-from tests.helpers.room_cases import BUTTON, CYAN, DRAWER, RED, asked_steps
+from tests.helpers.room_cases import BLUE, BUTTON, CYAN, DRAWER, RED, YELLOW, asked_steps
 from tests.helpers.room_cases import larger_room as room
 
 
@@ -132,3 +132,27 @@ def test_who_wants_all_in_a_drawer_is_told_that_one_fits():
     outcome = Dialogue().answer("let's clean up. all cubes that are lying around go in the drawer", room())
     assert isinstance(outcome, Question)
     assert outcome.text.startswith("One thing fits in the blue drawer. Do you mean")
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "ok now the red one goes on the blue one and the yellow one goes into the drawer",
+        "the red one should go on the blue one, the yellow one should go in the drawer",
+    ],
+)
+def test_each_of_several_things_goes_where_it_belongs(sentence):
+    outcome = Dialogue().answer(sentence, room())
+    assert isinstance(outcome, Plan)
+    placed = [(step.object, step.goal) for step in outcome.steps if step.goal is not None]
+    assert placed == [(RED, BLUE), (YELLOW, DRAWER)]
+
+
+def test_what_lies_in_a_hand_has_nothing_under_it_but_is_told_to_lie_there():
+    dialogue = Dialogue()
+    world = dialogue.answer("put the red cube in my hand", room()).result
+    told = dialogue.answer("whats underneath it?", world)
+    assert told.text == "Nothing is underneath it: the red cube is in your hand."
+    back = dialogue.answer("hmm no changed my mind, put it back where it was", world)
+    assert isinstance(back, Plan)
+    assert back.result.inside == {}
