@@ -213,7 +213,7 @@ class Replies(Recollections):
         """
         if self.now.held is not None or not _HELD.search(text):
             return None
-        why, offered = "my gripper is empty: I hold nothing", offers(self.now)
+        why, offered = "nothing is in my gripper: tell me first what to pick up", offers(self.now)
         return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=why, suggestions=offered)
 
     def _nearer(self, sentence: str, text: str) -> Outcome | None:

@@ -111,7 +111,7 @@ def test_a_warning_with_what_may_happen_is_a_signal():
 def test_an_empty_gripper_is_the_reason_that_is_given(what):
     outcome = outcome_of(what)
     assert isinstance(outcome, Refusal)
-    assert "gripper is empty" in outcome.text
+    assert "nothing is in my gripper" in outcome.text
 
 
 def test_what_is_unstacked_is_not_what_is_held():
