@@ -205,13 +205,17 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 
 _OPENING = re.compile(
     r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello|tell me|say|do you know"
-    r"|can you tell me|could you tell me|i wonder|i want to know|please tell me|tell me please|can you say|just"
-    r"|would you tell me|do you remember|remind me|i would like to know|explain|let me know|also|,) )+"
+    r"|(?:can|could|would|might|may|will) you (?:please )?tell me|i wonder|i want to know|please tell me|tell me please"
+    r"|can you say|just"
+    r"|do you remember|remind me|i would like to know|explain|let me know|also|,) )+"
 )
 ABLE = re.compile(  # about things in general
     r"^(?:can|could|are) you (?:\w+ ){1,3}"
     r"(?:things|stuff|objects|items|cubes|blocks|towers|stacks|drawers|doors|buttons|levers|wheels)"
     r"(?: up| down| out| together| around| over)?$"
+)
+_VOCATIVE = re.compile(
+    r" , (?:(?:my|dear|young|good|old) )*(?:man|boy|lady|friend|robot|sir|dear|love|darling|mate|buddy)(?= ,|$)"
 )
 _AT_ONCE = re.compile(
     r"^(?:can|could|are) you .*\b(?:two|three|both|several|many|more than one)\b.*"
@@ -241,13 +245,15 @@ _ASKING = re.compile(
     r"|what i can say|how many .*)$"
 )
 _REQUESTING = re.compile(
-    r"does not|(?:give|hand|put|drop|place|pass|bring|set|lay|leave|stack|store|release|return|open|close) "
+    r"does not|let go of |(?:give|hand|put|drop|place|pass|bring|set|lay|leave|stack|store|release|return|open|close) "
     r"|(?:are|is) you able to|will you (?!still)|could you (?!see|hear|help|.* if i (?:ask|told|tell|want))"
 )
 
 
 _TOWER = r"(?:that |this |my )?(?:tower|stack|pile)"
 _CONSISTS = r"(?:made|built|consist|made up|contain|have|got|of|from|out of)"
+_HAS = r"(?:he|she|they|i|we|(?:my|our|this|that) \w+|person|customer|guest)(?: have| got| hold| holding)*"
+_THEIR_HAND = r"(?:his|her|their|my|our) (?:hand|palm)"
 _TAGGED = r"(?: ,)? (?:is|are|do|did|does|have|has|was|were|can) (?:not )?(?:you|it|they|he|that|there)(?: not)?"
 _IMPERATIVES = (  # what asks without a question word, or in another form
     (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?(.+?){_TAGGED}", r"\2 \1 \3"),
@@ -259,6 +265,19 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"what (an? \w+) (?:is|does)(?: for)?", r"what is \1 for"),
     (r"count(?: up)? (?:how many )?(?!out\b)(.+?)(?: and (?:report|tell|say|give)\b.*)?", r"how many \1"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?colou?rs? of (.+)", r"what colour is \1"),
+    (
+        r"(?:what is|how (?:big|large|wide|long) is) (?:a )?(?:gap|distance|space|room)(?: like)? (?:from|between)"
+        r" (.+?) (?:to|and) (.+)",
+        r"how far is \1 from \2",
+    ),
+    (rf"(?:has|have|does|do) {_HAS} ?(.+?) (?:in|on) {_THEIR_HAND}", r"is \1 in my hand"),
+    (rf"what (?:has|does) {_HAS} (?:in|on) {_THEIR_HAND}", "what is in my hand"),
+    (
+        r"which(?: one)?(?: of (?:these|them|those|cubes|blocks))? is (?:a )?((?:\w+ )?\w+ (?:one|cube|block|brick))",
+        r"where is \1",
+    ),
+    (r"what (?:is it|it is) that (you|i|we) (?:are able to|can|could) do", r"what can \1 do"),
+    (r"(?:a )?(cube|block|one|thing) (?:that|which) (.+?) [,:] (?:which|what) (?:one )?is (?:it|that)", r"which \1 \2"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?number of (.+)", r"how many \1"),
     (
         r"(?:name|state|report|describe|give(?: me)?) (?:a )?(?:position|location|place|whereabouts) of (.+)",
@@ -301,16 +320,16 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
 )
 
 
-_ASKED = ("what", "where", "which", "how", "who", "why", "whose")
+WHAT = ("what", "where", "which", "how", "who", "why", "whose")
 
 
 def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
-    asked = _OPENING.sub("", text.rstrip(" ?.!"))
+    asked = _OPENING.sub("", _VOCATIVE.sub("", text.rstrip(" ?.!")))
     asked = re.sub(r" , (?:right|correct|yes|no|true)$", " , is it", asked) if text.endswith("?") else asked
     first, _, rest = asked.partition(" ")
-    if rest and len(first) > 2 and first not in (*_ASKED, *STRANGERS) and (first, 0.0) not in spellings(first):
-        near = [word for word in _ASKED if OSA.distance(first, word) == 1]
+    if rest and len(first) > 2 and first not in (*WHAT, *STRANGERS) and (first, 0.0) not in spellings(first):
+        near = [word for word in WHAT if OSA.distance(first, word) == 1]
         asked = f"{near[0]} {rest}" if near else asked  # "whre is it?"
     for pattern, plain in _IMPERATIVES:
         asked = re.sub(rf"^{pattern}$", plain, asked)
@@ -318,8 +337,9 @@ def question(text: str) -> str | None:
         return None
     plain = plain_start(asked)
     named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"
+    named += r"|what(?:ever)? (?:is|stands|lies|sits)\b.* (?:belongs|goes|should|must|needs|has to|ought)\b"
     named += r"|what(?:ever)? \w+ (?:holds|contains|hides) .*\b(?:on|in|to)\b"
-    requests = plain != asked and re.match(rf"(?:{verb_words()})\b", plain) and not _PROPOSED.match(asked)
+    requests = plain != asked and re.match(rf"(?:{verb_words()}|let go)\b", plain) and not _PROPOSED.match(asked)
     requests = requests and not ABLE.match(asked) and not _AT_ONCE.match(asked)
     return None if requests or re.match(named, asked) else asked  # "what I want is", "what you hold, put it down"
 
@@ -329,7 +349,8 @@ def question(text: str) -> str | None:
 CONDITION = re.compile(
     r"^(?P<how1>if|only if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever|unless) "
     r"(?P<if>.+?)(?<! is)(?<! are)(?<! not)(?<!you)(?<!\bi)(?<!\bwe)"
-    rf"(?: [,:]| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
+    rf"(?: [,:]| then|(?= (?:please|(?:you )?(?:{verb_words()})|(?:should|must|may) \w+)\b(?! ?,| then\b)))"
+    r" ?(?:then )?(?P<do>.+?)"
     r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
     r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "
     r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+)$"

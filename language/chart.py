@@ -440,7 +440,7 @@ def odd(relation: RelationPhrase) -> float:
     if relation.name == "of" and thing:
         return 2 * costs.ODD_PREPOSITION
     if kind == "list" and relation.name != "among":
-        return 4 * costs.ODD_PREPOSITION
+        return costs.TOO_MUCH if relation.name in ("on", "over") else 4 * costs.ODD_PREPOSITION
     if relation.name in ("left", "right") and kind == "side":  # "in the lower right to ..."
         return costs.ODD_PREPOSITION
     return 0.0

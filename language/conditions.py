@@ -23,7 +23,10 @@ from language.talk import name, offers, phrase
 
 MOST = 4  # conditions of a sentence
 _IF = r"(?:only if|if|unless|in case|provided|as long as|except if|except when|only when)"
-_BEGINS = re.compile(rf"^(?:(?:and|but|then|so|please) )*(?:{_IF}|when(?! you (?:have|are|did))|whenever|assuming) ")
+_BEGINS = re.compile(
+    rf"^(?:(?:and|but|then|so|please|,) )*(?:{_IF}|when(?! you (?:have|are|did))|whenever|assuming"
+    r"|should(?= (?!you\b|i\b|we\b).* (?:be|have)\b)) "
+)
 _OTHERWISE = re.compile(r"^(?:(?:and|but) )?(?:otherwise|else|if not|or else)\b")
 _POLITE = (  # what only asks kindly
     r"(?:(?:you|we) (?:can|could|would|will|like|want|please|may|wish|do not mind|must|(?:have|need)(?: a| to|$)"
@@ -38,6 +41,11 @@ _NOTHING = re.compile(  # "otherwise leave it alone"
     r"|do not (?:do anything|bother|move|touch it))$"
 )
 _STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
+_INVERTED = re.compile(r"^(should|must|may|can|shall) (.+?) (go|be|stand|lie|come|move|get)\b")  # "only if ..."
+_SOMEBODY = re.compile(
+    r"(?:someone|somebody|anyone|anybody|he|she|they|you|i) (?:(?:has|have|did|had|already|ever) ?)+"
+    r"(?:(?:done|do) (?:it|so|that))?$"
+)
 _PLACE = re.compile(r"\b(?:on|in|into|onto|inside|from|out of|behind|under|to|of)\b")
 _SPOKEN = re.compile(r"\b(?:it|they|that|them|there)\b")
 
@@ -99,15 +107,24 @@ def conditional(text: str) -> Conditional | None:
         first, last, match = 0, len(steps), _match(steps)
     if match is None:
         return None
+    does = _INVERTED.sub(r"\2 \1 \3", match["do"] or match["do2"])
     return Conditional(
         _joined(steps[:first]),
         match["how"] or match["how1"],
-        match["if"] or match["if2"],
-        match["do"] or match["do2"],
+        _done_already(match["if"] or match["if2"], does),
+        does,
         match["else"] or "",
         _joined(steps[last:]),
         leads,
     )
+
+
+def _done_already(condition: str, does: str) -> str:
+    """Return a condition in full: "press it unless somebody already has" is about its being pressed."""
+    verb = command_word().match(does)
+    if verb is None or not _SOMEBODY.match(condition):
+        return condition
+    return f"it is {verb[0].split()[-1].removesuffix('e')}ed"
 
 
 def _match(steps: Sequence[tuple[str, str]]) -> re.Match[str] | None:

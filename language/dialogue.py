@@ -18,6 +18,7 @@ from language.acts import (
     ABLE,
     IDLE,
     SAME,
+    WHAT,
     Part,
     act_of,
     beside_home,
@@ -37,8 +38,8 @@ from language.objects import Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import CARRY, Planner
 from language.questions import Questions
+from language.remarks import asks_nothing, is_chat
 from language.remarks import command as command_word
-from language.remarks import is_chat
 from language.replies import LITTLE
 from language.revising import further, opposite, partly_back, pinned, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
@@ -299,8 +300,10 @@ class Dialogue(Conditions):
         did = next((turn.outcome for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
         if act is None:
             return None
-        if act in ("social", "sorry") or (act == "any" and asked is None):
+        if act in ("social", "sorry"):
             return _social(sentence, self.now)
+        if act == "any" and asked is None:
+            return Question(sentence, 0.0, (), span, text=f"{_NEXT}: there is no question to choose for")
         if act in ("no", "wrong") and asked is not None:
             return Answer(sentence, 1.0, (), span, text="All right, I do nothing. Say what you mean instead")
         if act in ("no", "wrong") and isinstance(did, Plan) and {"one", "cube", "block", "thing"} & {*words}:
@@ -417,14 +420,19 @@ class Dialogue(Conditions):
             rest = " ".join(part.words)
             later = [i for i in range(at, len(parts) - 1) if parts[i].mark in ".!?"]
             end = later[0] if later else len(parts) - 1
-            asked = question(" , ".join(" ".join(each.words) for each in parts[at : end + 1]) + parts[end].mark)
+            words = " , ".join(" ".join(each.words) for each in parts[at : end + 1])
+            asked = question(words + parts[end].mark)
+            any_one = re.match(r"(?:any|some)(?:thing|one|body)?\b(?! chance| way| possib)", words)
+            if asked is None and parts[end].mark == "?" and any_one:  # "anything red here?"
+                asked = question(f"is there {words}")
             if asked is not None and ABLE.match(asked) and _CERTAIN.search(sentence):  # "can you stack the cubes?"
                 asked = None
             if asked is None and at == 0 and self.open_question() is None and (again := self._asked_again(rest)):
                 asked = again
             if asked is None:
                 label = part.mark == ":" and at + 1 < len(parts) and not command_word().match(rest)
-                if part.act is None and not label and not self._is_topic(rest, parts[at + 1 :]):
+                known = part.act is not None or label or self._is_topic(rest, parts[at + 1 :])
+                if not known and not (parts[-1].mark == "?" and parts[-1].words[0] in WHAT and asks_nothing(rest)):
                     return None
                 continue
             after = text[parts[end].end :]

@@ -108,7 +108,12 @@ def _undoubled(found: list[Token]) -> list[Token]:
                 size > 1 and two and two[0] in ("please", "yeah", "okay") and one[0] != two[0]
             ):  # "move it please move it"
                 two = [token.text for token in found[at + size + 1 : at + 2 * size + 1]]
-            if one == two and one[0].isalpha() and "very" not in one and not (size == 1 and one[0] in ("no", "stop")):
+            if (
+                one == two
+                and one[0].isalpha()
+                and "very" not in one
+                and not (size == 1 and one[0] in ("no", "stop", "chop"))
+            ):
                 del found[at : at + size]
             else:
                 at += 1
@@ -210,14 +215,22 @@ def repaired(found: list[Token]) -> list[Token]:
 _TAKING_BACK = (
     r"(?:no actually|no hang on|no hold on|wait hold on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no"
     r"|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean"
-    r"|no make it|make it|better make it|no better|better|correction)"
+    r"|no make it|make it|better make it|no better|better|correction|(?<!i )(?<!you )(?<!what )meant)"
 )
+_SEVERAL = re.compile(r"\b(?:(?:both|all|each|two)(?: of)?(?: them| these| those)?|them|those|these)(?: ,| well)*$")
 _REPAIR = re.compile(rf"(?<= )(?:[,.;] )?{_TAKING_BACK}(?:(?: ,)? {_TAKING_BACK})*(?: ,)?(?= )")
 
 
 def _taken_back(before: list[Token], after: list[Token]) -> int | None:
     """Return from which word on the words before a repair are taken back; None: it repairs nothing."""
     words = [token.text for token in before]
+    while after and after[-1].text in ".!?;":
+        after = after[:-1]
+    same = 0  # "the red is for her, sorry, the blue is for her"
+    while same < min(len(words), len(after)) and words[-1 - same] == after[-1 - same].text:
+        same += 1
+    if 1 < same < min(len(words), len(after)):
+        return _taken_back(before[:-same], after)
     first = next((token.text for token in after if token.text not in ("just", "only", "please", "rather")), "")
     start = max((i + 1 for i, word in enumerate(words) if word in ".;!?"), default=0)
     if re.fullmatch(verb_words(), first):
@@ -238,6 +251,8 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
     at = len(words)
     while at > start and (words[at - 1] in heads or words[at - 1] in FILLERS | {"a", "an", ",", "one"}):
         at -= 1
+    if at == len(words) and (several := _SEVERAL.search(" ".join(words[start:]))):
+        return len(words) - len(several[0].split())
     if at == len(words) > start + 1 and words[-1] not in prepositions and not re.fullmatch(verb_words(), words[-1]):
         at -= 1  # "press the bottom I mean the button"
     return at if at < len(words) else None

@@ -424,12 +424,12 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
             ref = thing_ref(world, world.hand)
         if mover not in ref.things:
             anchor = ref.things[-1] if ref.things else None
-            made = _by_anchor(world, mover, relation, ref)
+            made = _by_anchor(world, mover, relation, ref, alone)
             found += [wish._replace(cost=wish.cost + ref.cost, anchor=anchor) for wish in made]
     return found
 
 
-def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref) -> list[_Wish]:
+def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref, alone: bool = True) -> list[_Wish]:
     name = relation.name
     if not ref.things:
         return _in_area(world, mover, relation, ref)
@@ -437,7 +437,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
     other = world.things[anchor]
     what = f"the place {_WORDS.get(name, name)} {a_name(world, anchor)}"
     if name in _SIDEWAYS:
-        return [_at_side(world, mover, anchor, relation, what)]
+        return [_at_side(world, mover, anchor, relation, what, alone)]
     if name in ("near", "nearest"):
         return [_ring(world, mover, anchor, what)]
     if name in ("toward", "away", "farthest"):
@@ -466,8 +466,13 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
 _WORDS = {"left": "left of", "right": "right of", "front": "in front of", "near": "next to", "away": "away from"}
 
 
-def _at_side(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase, what: str) -> _Wish:
-    """Return the place left of a thing, or the like. A length is the gap between the two."""
+def _at_side(
+    world: WorldModel, mover: int, anchor: int, relation: RelationPhrase, what: str, alone: bool = True
+) -> _Wish:
+    """Return the place left of a thing, or the like. A length is the gap between the two.
+
+    alone: straight on that side; otherwise a further relation says where along it.
+    """
     thing, other = world.things[mover], world.things[anchor]
     dx, dy = world.toward(_SIDEWAYS[relation.name])
     width = (thing.width + other.width) / 2
@@ -478,14 +483,15 @@ def _at_side(world: WorldModel, mover: int, anchor: int, relation: RelationPhras
         along = (x - other.x) * dx + (y - other.y) * dy
         aside = np.abs((x - other.x) * dy + (y - other.y) * dx)
         close = np.hypot(x - other.x, y - other.y) <= max(NEAR + 0.01, gap + 0.05)
-        return (along >= 0.025) & (aside <= np.maximum(along, 0.02)) & close
+        return (along >= 0.025) & ((aside <= np.maximum(along, 0.02)) if alone else True) & close
 
     def relaxed(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
         along = (x - other.x) * dx + (y - other.y) * dy
         near = np.hypot(x - other.x, y - other.y) <= 0.165
         return fits(x, y) if fits(x, y).any() else (along >= 0.013 + 0.012 * bool(dy)) & near
 
-    return _Wish(other.x + dx * gap, other.y + dy * gap, relaxed, what=what)
+    x, y = other.x + dx * gap, other.y + dy * gap
+    return _Wish(x if dx or alone else None, y if dy or alone else None, relaxed, what=what)
 
 
 def _ring(world: WorldModel, mover: int, anchor: int, what: str) -> _Wish:

@@ -102,9 +102,7 @@ class Planner(Several):
             yield plan if not refs else replace(plan, box=refs[0].things[-1], it=refs[0].things[-1:])
         elif act is None:
             yield from self._fragment(plan, clause, last)
-        elif (
-            plan.topic is not None and clause.entity is not None and clause.entity.kind != "it" and act is not Act.SWAP
-        ):
+        elif plan.topic is not None and clause.entity is not None and act is not Act.SWAP and not _spoken(clause):
             yield replace(self._unsaid(plan), cost=plan.cost + 1.0)
         elif act in (Act.NEVER, Act.TIDY):
             yield from self._undoable(plan, clause)
@@ -139,7 +137,8 @@ class Planner(Several):
             two = len(plan.it) > 1 or sum(allows(plan.world, clause.act, i) for i in last) > 1
             return entity.plural and (two or entity.every or clause.act in BOXES) and not held
         whole = clause.act is Act.UNSTACK and entity.kind == "stack"
-        return whole or entity.kind == "list" or entity.every or (entity.number or 1) > 1
+        stored = clause.act is Act.STORE and entity.plural  # what does not fit is said
+        return whole or stored or entity.kind == "list" or entity.every or (entity.number or 1) > 1
 
     # ---- Clauses without a verb, and such that nobody can carry out
 
@@ -266,6 +265,13 @@ def _without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
         if goes_on and down and one.act in (Act.TAKE, Act.CARRY, Act.UNSTACK):
             kept[at] = replace(one, verb=bringing("up"), places=(), instruction=None)
     return tuple(kept)
+
+
+def _spoken(clause: Clause) -> bool:
+    """Whether a clause says "it" of what was named before: as its object, or as its place, "put the cube in it"."""
+    named = any(a.kind == "it" for place in clause.places for a in place.anchors)
+    there = any(place.name in ("here", "into") and not place.anchors for place in clause.places)
+    return named or there or (clause.entity is not None and clause.entity.kind == "it")
 
 
 def _names_it(plan: Draft, clause: Clause) -> bool:

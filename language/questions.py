@@ -30,9 +30,9 @@ _BE = r"(?:is|are|was|were|be|been|does|do|did|has|have|had|stands?|lies?|sits?|
 _ANY = r"(?:anything|something|nothing|everything|any|some|thing|things|all|there)"
 _ADDING = re.compile(
     r"\b(?:not|no longer|still|already|now|currently|right(?= now| there)|at moment|or not|yet|really|also|just"
-    r"|directly|be|been|being|standing|lying|located|placed|sitting|resting|both|either|today|happens to|any more"
-    r"|anymore|actually|properly|completely|left(?= open| closed| shut| over|$)|always|maybe|hidden|stored|there|then"
-    r"|in this room|in room|here|somewhere|anywhere)\b ?"
+    r"|directly|be|been|being|staying|standing|lying|located|placed|sitting|resting|both|either|today|happens to"
+    r"|any more|anymore|actually|properly|completely|left(?= open| closed| shut| over|$)|always|maybe|hidden|stored"
+    r"|there|then|in this room|in room|here|somewhere|anywhere)\b ?"
 )
 _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": False, "close": False}
 _OPERATED = {
@@ -104,7 +104,10 @@ class Questions(SelfAnswers):
 
     def _answer(self, asked: str) -> str | None:
         asked = re.sub(
-            r" (?:still|currently|actually|right now|at moment|presently)\b(?! (?:open|closed|there))", "", asked
+            r" (?:still|currently|actually|right now|at moment|presently|here(?= (?:that|which)\b))\b"
+            r"(?! (?:open|closed|there))",
+            "",
+            asked,
         )
         asked = re.sub(
             r"^what (?:do|have) (?:you|we) (?:have|got|keep) (?=(?:in|inside|on|under) (?!your|my))", "what is ", asked
@@ -237,10 +240,14 @@ class Questions(SelfAnswers):
         what = (match["what"] or match["only"] or "").strip()
         if not what:
             return None
-        if re.fullmatch(rf"(?:a |any )?(?:{_ANY}|cube|block|cubes|blocks|one|it)?(?: else)?", what):
-            return Predicate(lambda i: bool(world.contents(i)) != what.startswith("nothing"), "content")
+        on = (
+            {i: [over] for i, over in enumerate(world.above) if over is not None} if re.search(r"\bon\b", plain) else {}
+        )
+        about = "under" if on else "content"
+        if re.fullmatch(rf"(?:a |any |another )?(?:{_ANY}|cube|block|cubes|blocks|one|it)?(?: else)?", what):
+            return Predicate(lambda i: bool(on.get(i) or world.contents(i)) != what.startswith("nothing"), about)
         things = self.subject(what)
-        return Predicate(lambda i: bool(set(world.contents(i)) & set(things)), "content") if things else None
+        return Predicate(lambda i: bool({*on.get(i, ()), *world.contents(i)} & {*things}), about) if things else None
 
     def _place(self, plain: str, close: bool = False) -> Predicate | None:
         """Return the predicate of what is somewhere. close: only the nearest is."""

@@ -45,7 +45,8 @@ _LEAD = (
 )
 _OBLIGED = (
     r"\b(?:should|must|has to|have to|needs to|need to|ought to|shall|belongs?|supposed to|is to|are to|goes|go"
-    r"|had better|(?:can|could|would|will|may) (?:you|we|it|they|someone))\b"
+    r"|(?:needs?|wants?|could do with) (?:a )?\w+ing|had better|(?:can|could|may|might)(?: as well)? (?:go|stand|sit)"
+    r"|(?:can|could|would|will|may) (?:you|we|it|they|someone))\b"
 )
 _WISH = r"\b(?:i|we) (?:\w+ )?(?:want|need|like|love|prefer|wish|require|appreciate)\b"
 _CLOSING = "regards|wishes|sincerely|greetings|faithfully|truly|yours|thanks|cheers|love"
@@ -132,7 +133,7 @@ def without_remarks(found: list[Token]) -> list[Token]:
     for part in parts:
         if _follows(part, kept):
             continue
-        if part in asking or not _asks_nothing(part.text):
+        if part in asking or not asks_nothing(part.text):
             kept += part.words
         elif (named := _NAMED.search(part.text)) and not kept and refers:  # what "it" means afterwards
             first, last = part.text[: named.start()].count(" "), part.words[-1]
@@ -186,7 +187,7 @@ def _follows(part: _Part, kept: list[Token]) -> bool:
     return any(re.fullmatch(_PLACE, token.text) for token in kept)
 
 
-def _asks_nothing(text: str) -> bool:
+def asks_nothing(text: str) -> bool:
     """Whether a part is a reason, or says what is so."""
     if (
         (_IDLE.match(text) and not re.search(rf"\b{_THING}\b", text.replace("nothing", "")))

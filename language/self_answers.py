@@ -67,11 +67,9 @@ class SelfAnswers(ABC):
             and world.hand is not None
         ):
             self.things = inside = world.contents(world.hand)
-            return (
-                f"yes: {self.names(inside).split(' in ')[0]} is in your hand"
-                if inside
-                else "no: nothing is in your hand"
-            )
+            told = f"{self.names(inside).split(' in ')[0] if inside else 'nothing'} is in your hand"
+            asked_what = re.match(r"(?:what|which|who)\b", match[0])
+            return told if asked_what else f"{'yes' if inside else 'no'}: {told}"
         self.things = [] if world.held is None else [world.held]
         if re.match(r"(?:do|are|have|is|did)\b", match[0]):
             asked, things = self.refs(match[0])

@@ -503,15 +503,15 @@ class _Sentences:
         found = []
         for gap in self.lattice.gaps(entity.end):
             for edge in self.lattice.get(gap.end, "particle") if not gap.cost else ():
-                said = [self._verbs_of([verb, self.lattice.text(gap.end)]) for verb in _WITH_PARTICLE]
-                names = {
-                    n for each in said for n in each if KNOWN[n].act in (Act.OPEN, Act.SHUT, Act.REMOVE, Act.UNSTACK)
-                }
-                cost = entity.cost + edge.cost + costs.NO_VERB_BUT_PLACE + costs.NO_NOUN * (entity.value.noun is None)
-                skipped = entity.skipped | gap.skipped
-                found += [
-                    Item(edge.end, Clause(n, entity.value, span=(at, edge.end)), cost, skipped) for n in sorted(names)
-                ]
+                names = {n for v in _WITH_PARTICLE for n in self._verbs_of([v, self.lattice.text(gap.end)])}
+                bare = entity.value.noun is None  # "red out" is rather a cube than a door
+                cost = entity.cost + edge.cost + costs.NO_VERB_BUT_PLACE + costs.NO_NOUN * bare
+                for name in sorted(names):
+                    boxes = KNOWN[name].act in (Act.OPEN, Act.SHUT)
+                    if boxes or KNOWN[name].act in (Act.REMOVE, Act.UNSTACK):
+                        clause = Clause(name, entity.value, span=(at, edge.end))
+                        total = cost + costs.VAGUE * (bare and boxes)
+                        found.append(Item(edge.end, clause, total, entity.skipped | gap.skipped))
         return found
 
     def _done(self, entity: Item, at: int) -> list[Item]:

@@ -16,7 +16,7 @@ from language.movers import Movers
 from language.places import GRID, ONTO, SHARES, _anywhere, _Wish, free_spot
 from language.revising import pinned
 from language.spots import Point, Spot, a_name, settle
-from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, at_a_mark, beside, obstacle, off_table
+from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle
 from language.verbs import Act, doing
 from language.world import WorldModel
 
@@ -123,14 +123,17 @@ class Several(Movers):
                 return replace(plan, failure="several", reason="several", entity=entity, candidates=tops)
             if entity.kind == "stack" and not tops:
                 return replace(plan, failure="nothing stands on another thing: there is no tower", reason="impossible")
-        if wanted and entity.every and len(things) > wanted and entity.noun is None and not entity.colors:  # "both"
+        if act is Act.REMOVE:
+            things = [i for i in things if i in world.inside] or things
+        if wanted and entity.every and len(things) > wanted:  # "both", "two cubes"
             spoken = [i for i in things if i in (*plan.it, *plan.mentioned)]
             last = [i for i in self.recent[:wanted] if i in things and act in (Act.CARRY, Act.TOUCH, Act.GATHER)]
             spoken = last if len(last) == wanted and len(spoken) < wanted and not entity.other else spoken
+            named = (entity.noun is not None or bool(entity.colors)) and len(spoken) != wanted
             alike = [i for i in things if i not in spoken and world.things[i].kind in self._kinds(plan)]
             if entity.other and len(alike) == wanted:  # "the other two", after one of three balls
                 return alike
-            few = (0 < len(spoken) < wanted or entity.other) and act not in BOXES  # it asks which
+            few = (named or 0 < len(spoken) < wanted or entity.other) and act not in BOXES  # it asks which
             entity, things = replace(entity, every=not few), things if few else spoken or things
         if wanted and len(things) > wanted and not entity.every:
             if plan.arbitrary or entity.any:
@@ -437,3 +440,27 @@ def without_orders(clause: Clause) -> tuple[Clause, tuple[RelationPhrase, ...]]:
 def _on(place: RelationPhrase, index: int) -> RelationPhrase:
     """Return a place on something as the place on another thing: the next of several goes on top of the one before."""
     return replace(place, anchors=(pinned(index),)) if place.name in ONTO else place
+
+
+def off_table(world: WorldModel, clause: Clause, things: list[int]) -> list[int]:
+    """Return those that are not on the table, maybe none, of things that a clause just puts there; otherwise all."""
+    onto = [place.name in ONTO and [a.kind for a in place.anchors] == ["board"] for place in clause.places]
+    if clause.act is not Act.CARRY or not onto or not all(onto):
+        return things
+    return [i for i in things if not world.is_on_ground(i)]
+
+
+def beside(clause: Clause) -> Clause:
+    """Return the clause for a further thing: beside the place, where the first one lies."""
+    onto = [place.name in ONTO for place in clause.places]
+    places = [replace(place, name="near") if at else place for place, at in zip(clause.places, onto, strict=True)]
+    return replace(clause, places=tuple(places))
+
+
+def at_a_mark(plan: Draft) -> bool:
+    """Return whether the last thing was put where a see-through thing marks a place, or beside it."""
+    last = plan.steps[-1] if plan.steps else None
+    if last is None or last.place is None or (last.goal is not None and not plan.world.things[last.goal].target):
+        return False
+    (x, y), world = last.place, plan.world
+    return any(each.target and max(abs(each.x - x), abs(each.y - y)) < 2 * each.width for each in world.things)

@@ -11,7 +11,7 @@ from language.errors import NotUnderstood
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.objects import HAND
 from language.outcomes import Step
-from language.places import ONTO, _anywhere, _Wish, free_spot, spots
+from language.places import _anywhere, _Wish, free_spot, spots
 from language.referents import Resolver
 from language.spots import Point, Rest, Spot, a_name, old_place, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
@@ -272,11 +272,13 @@ class Steps:
             if wanted.effect and world.verbs is None:  # a task that can rotate
                 return self._added(plan, Step(clause.verb or "", index))
             return replace(plan, failure="unturnable", reason="never", entity=Entity(span=clause.span))
-        own = KNOWN[clause.verb or ""].noun
+        own, pressed = KNOWN[clause.verb or ""].noun, KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))
         named = clause.entity is not None and clause.entity.noun == kind
+        bare = clause.entity is not None and clause.entity.noun is None and bool(clause.entity.colors)
+        if own and own != kind and pressed and bare and not world.cells:  # "turn the gray one"
+            return replace(plan, failure="unturnable", reason="never", entity=Entity(span=clause.span))
         if own and own != kind and named and not world.cells:  # "turn the knob" is the wheel's
             plan = replace(plan, cost=plan.cost + costs.OF_ANOTHER_DEVICE)
-        pressed = KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))
         if pressed and abs(world.moved.get(index, 0.0)) > AT_END and any(s.object == index for s in plan.steps):
             once = f"{a_name(world, index)} is down then, so I press it once"
             return plan if once in plan.notes else replace(plan, notes=(*plan.notes, once))
@@ -415,11 +417,13 @@ class Steps:
             return
         box = plan.box if plan.box in free else min(free, key=lambda each: each not in plan.world.open)
         place = RelationPhrase("in", (Entity(noun=plan.world.things[box].kind, pointed=Gesture((box,))),))
-        yield from self._placed(replace(plan, arbitrary=True), clause, index, (place,))
+        yield from self._placed(plan, clause, index, (place,))
 
     def _placed(self, plan: Draft, clause: Clause, index: int, places: tuple[RelationPhrase, ...]) -> Iterator[Draft]:
         taken = plan.world if plan.world.held == index else self._taken(plan, index).world
         resolver = self.resolver(taken, plan.it, index, plan.mentioned, plan.box)
+        if (tower := stacked_last(plan)) not in (None, index) and says_top(places[0]):  # "and the blue one on top"
+            places = (RelationPhrase("on", (Entity(pointed=Gesture((tower,))),)), *places[1:])
         resolver.rest = old_place(self.world, plan.world, index, self.rests)
         if any(anchor.any for place in places for anchor in place.anchors):
             plan = replace(plan, arbitrary=True)
@@ -449,8 +453,11 @@ class Steps:
     def _vacated(self, plan: Draft, index: int) -> RelationPhrase | None:
         """Return the place that an earlier step left: "take the red one away, put this there"."""
         moved = next((step.object for step in reversed(plan.steps) if step.object != index), None)
-        if moved is None or not self.world.is_loose(moved) or moved in self.world.inside or moved == self.world.held:
+        if moved is None or not self.world.is_loose(moved) or moved == self.world.held:
             return None
+        if moved in self.world.inside:
+            from_hand = self.world.inside[moved] == self.world.hand
+            return RelationPhrase("at", (Entity("person"),)) if from_hand else None
         below, thing = self.world.below[moved], self.world.things[moved]
         if below is not None:
             return RelationPhrase("on", (Entity(pointed=Gesture((below,))),))
@@ -530,6 +537,19 @@ def obstacle(world: WorldModel, things: tuple[int, ...]) -> str:
     return f"the see-through {thing.kind} only marks a place" if thing.target else ""
 
 
+def stacked_last(plan: Draft) -> int | None:
+    """Return what the last step put on another thing; None if it put nothing there."""
+    last = plan.steps[-1] if plan.steps else None
+    on = last is not None and last.carries and last.goal is not None and plan.world.is_loose(last.goal)
+    return last.object if last is not None and on else None
+
+
+def says_top(place: RelationPhrase) -> bool:
+    """Whether a place is "on top" of what is not said."""
+    side = [a.sides for a in place.anchors if a.kind in ("side", "thing") and not (a.noun or a.colors)]
+    return place.value == "top" or (place.name == "on" and side == [("far",)])
+
+
 def different(layer: list[Draft]) -> list[Draft]:
     """Return the first of the plans that differ in nothing but their cost."""
     found: dict[tuple, Draft] = {}
@@ -537,30 +557,6 @@ def different(layer: list[Draft]) -> list[Draft]:
         said = (plan.steps, plan.it, plan.mentioned, plan.box, plan.failure, plan.reason, plan.entity, plan.topic)
         found.setdefault((*said, plan.candidates, plan.mover if plan.failure else None), plan)
     return list(found.values())
-
-
-def off_table(world: WorldModel, clause: Clause, things: list[int]) -> list[int]:
-    """Return those that are not on the table, maybe none, of things that a clause just puts there; otherwise all."""
-    onto = [place.name in ONTO and [a.kind for a in place.anchors] == ["board"] for place in clause.places]
-    if clause.act is not Act.CARRY or not onto or not all(onto):
-        return things
-    return [i for i in things if not world.is_on_ground(i)]
-
-
-def beside(clause: Clause) -> Clause:
-    """Return the clause for a further thing: beside the place, where the first one lies."""
-    onto = [place.name in ONTO for place in clause.places]
-    places = [replace(place, name="near") if at else place for place, at in zip(clause.places, onto, strict=True)]
-    return replace(clause, places=tuple(places))
-
-
-def at_a_mark(plan: Draft) -> bool:
-    """Return whether the last thing was put where a see-through thing marks a place, or beside it."""
-    last = plan.steps[-1] if plan.steps else None
-    if last is None or last.place is None or (last.goal is not None and not plan.world.things[last.goal].target):
-        return False
-    (x, y), world = last.place, plan.world
-    return any(each.target and max(abs(each.x - x), abs(each.y - y)) < 2 * each.width for each in world.things)
 
 
 def allows(world: WorldModel, act: Act | None, index: int) -> bool:
