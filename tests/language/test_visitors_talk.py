@@ -139,6 +139,7 @@ def test_who_wants_all_in_a_drawer_is_told_that_one_fits():
     [
         "ok now the red one goes on the blue one and the yellow one goes into the drawer",
         "the red one should go on the blue one, the yellow one should go in the drawer",
+        "the red one goes on the blue one and the yellow one in the drawer",
     ],
 )
 def test_each_of_several_things_goes_where_it_belongs(sentence):
