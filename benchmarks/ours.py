@@ -22,6 +22,7 @@ from core.platform_tuning import fast_products
 from envs import make_env, read_env
 from train import build_env
 from trainers.algorithms.algorithm import build_algorithm
+from trainers.algorithms.off_policy import OffPolicyAlgorithm
 from trainers.algorithms.sac import SAC
 from trainers.collect.rollouts import Rollouts
 from trainers.config import read_training
@@ -33,6 +34,7 @@ WARM_UP = 20  # control steps of each world before the clock starts
 PEER_PHYSICS = ("physics.substeps=20", "physics.time_step=0.002")  # panda-gym's and lanro-gym's
 SB3_PPO = ("policy=mlp", "policy.hidden=[64,64]", "policy.critic_hidden=[64,64]", "policy.activation=tanh")
 SB3_SAC = ("policy=mlp", "policy.hidden=[256,256]", "policy.critic_hidden=[256,256]", "policy.activation=relu")
+WIDE = ("policy.hidden=[400,300]", "policy.critic_hidden=[400,300]")
 FEW = ("eval.episodes=4", "eval.interval_episodes=4", "eval.worlds=4", "eval.video_episodes=0", "logger=[]")
 
 
@@ -149,24 +151,24 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
     return {"rate": frames / seconds, "unit": "frames/s", "seconds": seconds}
 
 
-def sac_gradient_steps(steps: int) -> dict[str, Any]:
-    """Measure SAC updates a second on a filled buffer, with batch 256 and networks of 256 x 256."""
-    config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC, "algo.batch=256", "algo.compile=on"])
+def gradient_steps(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
+    """Measure compiled updates a second of an off-policy algorithm on a filled buffer, with batch 256."""
+    config = compose(["task=reach", "robot=panda", *overrides, "algo.batch=256", "algo.compile=on"])
     training = read_training(config)
     env = build_env(read_env(config), WORLDS, 0)
-    policy, sac = build_algorithm(training, env.observation_spec, env.action_unit)
-    assert isinstance(sac, SAC)
+    policy, algorithm = build_algorithm(training, env.observation_spec, env.action_unit)
+    assert isinstance(algorithm, OffPolicyAlgorithm)
     alone = replace(training.collector, workers=1, worlds=WORLDS)
     rollouts = Rollouts(partial(build_env, read_env(config)), policy, alone, horizon=128, seed=0)
-    sac.replay.extend(rollouts.next())
+    algorithm.replay.extend(rollouts.next())
     rollouts.close()
     torch.set_num_threads(len(os.sched_getaffinity(0)))
 
     def work() -> None:
         for _ in range(steps // STEPS_OF_UPDATE):
-            sac.learn(STEPS_OF_UPDATE)
+            algorithm.learn(STEPS_OF_UPDATE)
 
-    sac.learn(STEPS_OF_UPDATE)
+    algorithm.learn(STEPS_OF_UPDATE)
     return rate(steps // STEPS_OF_UPDATE * STEPS_OF_UPDATE, "gradient steps/s", work)
 
 
@@ -268,7 +270,10 @@ WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
     "env_panda_nl_matched": partial(env_bare, overrides=PANDA_NL_REACH),
     "ppo_frames": partial(training, overrides=(*PANDA_REACH, *SB3_PPO)),
     "sac_frames": partial(training, overrides=(*PANDA_REACH, *SB3_SAC, "algo=sac")),
-    "sac_gradient_steps": sac_gradient_steps,
+    "sac_gradient_steps": partial(gradient_steps, overrides=("algo=sac", *SB3_SAC)),
+    "sac_wide_gradient_steps": partial(gradient_steps, overrides=("algo=sac", *SB3_SAC, *WIDE)),
+    "tqc_gradient_steps": partial(gradient_steps, overrides=("algo=tqc", *SB3_SAC)),
+    "crossq_gradient_steps": partial(gradient_steps, overrides=("algo=crossq", *SB3_SAC)),
     "sac_products": sac_products,
     "memory_per_world": memory_per_world,
     "reset_memory": reset_memory,

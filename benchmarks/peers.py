@@ -23,7 +23,7 @@ LANRO = "lanro-gym==0.2.1"
 LANRO_HOME = Path(__file__).resolve().parents[1] / "build" / LANRO.replace("==", "-")
 WARM_UP = 100  # env steps or gradient steps before the timing
 BATCH_SIZE = 256
-HIDDEN = (256, 256)
+HIDDEN, WIDE = (256, 256), (400, 300)
 LEAN_SOLVER_ITERATIONS = 10  # as in our worlds
 SAC_BUFFER_FILL = 2_000  # transitions in the buffer before gradient steps are timed
 
@@ -140,49 +140,85 @@ def _make_monitored(physics: Physics) -> Any:
     return Monitor(_make_panda_gym("PandaReachDense-v3", physics))
 
 
-def _make_sac(physics: Physics, learning_starts: int, cls: Any = None) -> Any:
-    from stable_baselines3 import SAC
-
-    return (cls or SAC)(
+def _make_off_policy(cls: Any, physics: Physics, learning_starts: int, **options: Any) -> Any:
+    """Return an off-policy algorithm of a peer. options: of the class, with `policy_kwargs` beside the widths."""
+    networks = {"net_arch": list(HIDDEN)} | options.pop("policy_kwargs", {})
+    return cls(
         "MultiInputPolicy",
         _make_monitored(physics),
         batch_size=BATCH_SIZE,
         learning_starts=learning_starts,
         buffer_size=100_000,
-        policy_kwargs={"net_arch": list(HIDDEN)},
+        policy_kwargs=networks,
         seed=0,
         device="cpu",
+        **options,
     )
 
 
 def sb3_sac(steps: int, physics: Physics) -> Rate:
     """Measure gradient steps/s of stable-baselines3's SAC (batch 256, 256 x 256, two critics): `train()` alone."""
-    model = _make_sac(physics, learning_starts=SAC_BUFFER_FILL)
+    from stable_baselines3 import SAC
+
+    model = _make_off_policy(SAC, physics, learning_starts=SAC_BUFFER_FILL)
     model.learn(SAC_BUFFER_FILL)
     model.train(gradient_steps=WARM_UP, batch_size=BATCH_SIZE)
     return _timed(steps, "gradient steps/s", lambda: model.train(gradient_steps=steps, batch_size=BATCH_SIZE))
 
 
-def sbx_sac(steps: int, physics: Physics) -> Rate:
-    """Measure gradient steps/s of SBX's SAC, which compiles with JAX: `sb3_sac`, the compilation left out."""
-    from sbx import SAC
+def _sbx_steps(name: str, steps: int, physics: Physics, **options: Any) -> Rate:
+    """Measure gradient steps/s of an algorithm of SBX, which compiles with JAX: `sb3_sac`, the compilation left out."""
+    import sbx
 
-    model = _make_sac(physics, learning_starts=SAC_BUFFER_FILL, cls=SAC)
+    model = _make_off_policy(getattr(sbx, name), physics, learning_starts=SAC_BUFFER_FILL, **options)
     model.learn(SAC_BUFFER_FILL)
     model.train(gradient_steps=steps, batch_size=BATCH_SIZE)  # compiled for this number of steps
     return _timed(steps, "gradient steps/s", lambda: model.train(gradient_steps=steps, batch_size=BATCH_SIZE))
 
 
+def sbx_sac(steps: int, physics: Physics) -> Rate:
+    """Measure SBX's SAC, with the networks of `sb3_sac`."""
+    return _sbx_steps("SAC", steps, physics)
+
+
+def sbx_sac_wide(steps: int, physics: Physics) -> Rate:
+    """Measure SBX's SAC with networks of 400 x 300."""
+    return _sbx_steps("SAC", steps, physics, policy_kwargs={"net_arch": list(WIDE)})
+
+
+def sbx_tqc(steps: int, physics: Physics) -> Rate:
+    """Measure SBX's TQC with the quantiles and the layer normalisation of ours."""
+    return _sbx_steps("TQC", steps, physics, policy_kwargs={"n_quantiles": 15, "layer_norm": True})
+
+
+def sbx_crossq(steps: int, physics: Physics) -> Rate:
+    """Measure SBX's CrossQ, the actor trained in each step as in ours; by default it is in each third one."""
+    return _sbx_steps("CrossQ", steps, physics, policy_delay=1)
+
+
 def sb3_sac_frames(steps: int, physics: Physics) -> Rate:
     """Measure frames/s of stable-baselines3's SAC in `learn()`, one gradient step a frame, one env."""
-    model = _make_sac(physics, learning_starts=WARM_UP)
+    from stable_baselines3 import SAC
+
+    model = _make_off_policy(SAC, physics, learning_starts=WARM_UP)
     model.learn(2 * WARM_UP)
     return _timed(steps, "frames/s", lambda: model.learn(steps, reset_num_timesteps=False))
 
 
 WORKLOADS = {
     workload.__name__: workload
-    for workload in (panda_gym_reach, panda_gym_reach_lean, lanro_nl_reach, sb3_ppo, sb3_sac, sbx_sac, sb3_sac_frames)
+    for workload in (
+        panda_gym_reach,
+        panda_gym_reach_lean,
+        lanro_nl_reach,
+        sb3_ppo,
+        sb3_sac,
+        sbx_sac,
+        sbx_sac_wide,
+        sbx_tqc,
+        sbx_crossq,
+        sb3_sac_frames,
+    )
 }
 
 

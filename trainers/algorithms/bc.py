@@ -25,6 +25,7 @@ from trainers.algorithms.algorithm import (
     check_loss,
     first_steps,
     one_thread,
+    run_parts,
     total_loss,
 )
 from trainers.algorithms.compiled import loss_gradients
@@ -106,7 +107,7 @@ class BC(ReplayAlgorithm):
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for the actor and, where the words are supervised, on scenes (G,)."""
         self.optimizer.zero_grad()
-        measured = self.gradients.part(frames)()
+        measured = run_parts(self.gradients.parts(frames))
         if scenes is not None:
             measured |= backward(self.grounding.measure(scenes), self.parameters, self.config.grounding_weight)
         check_loss(total_loss(measured), frames)

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import torch
 from tensordict import NestedKey, TensorDictBase
-from torch import Tensor
+from torch import Tensor, nn
 from torchrl.data import ReplayBuffer
 
 from trainers.algorithms.algorithm import (
     GROUNDING_METRICS,
     Part,
     ReplayAlgorithm,
+    adam_step,
     apply_gradients,
     averages,
     backward,
@@ -140,22 +141,43 @@ class OffPolicyAlgorithm(ReplayAlgorithm):
         self.optimizer.zero_grad()
         measured = run_parts(self.parts(frames, scenes))
         check_loss(total_loss(measured), frames)
+        self.descend()
         with one_thread():
-            apply_gradients(self.optimizer, self.config.max_grad_norm, self.actor_parameters)
             self.steps_taken += 1
             self.after_step(frames)
         return measured
+
+    def descend(self) -> None:
+        """Take the optimizer's step. Where steps are compiled, on a thread for the actor and one for the others."""
+        actor, norm = self.actor_parameters, self.config.max_grad_norm
+        if not self.compiles:
+            with one_thread():
+                apply_gradients(self.optimizer, norm, actor)
+            return
+
+        def others() -> dict[str, Tensor]:
+            chosen = set(actor)
+            adam_step(self.optimizer, [parameter for parameter in self.learned if parameter not in chosen])
+            return {}
+
+        def clipped() -> dict[str, Tensor]:
+            nn.utils.clip_grad_norm_(actor, norm)
+            adam_step(self.optimizer, actor)
+            return {}
+
+        run_parts([others, clipped])
 
     def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
         """Return the parts of a gradient step, the longest first. Each measures losses and adds their gradients."""
         if not self.compiles:
             self.encode(frames)
 
-        def whole() -> dict[str, Tensor]:
-            measured = self._gradients.part(frames, variant=self.variant)()
-            return measured if scenes is None else measured | self.descend_grounding(scenes)
-
-        return [whole]
+        parts = self._gradients.parts(frames, variant=self.variant)
+        if scenes is None:
+            return parts
+        if self.compiles:
+            return [partial(self.descend_grounding, scenes), *parts]
+        return [lambda: parts[0]() | self.descend_grounding(scenes)]
 
     @cached_property
     def _gradients(self) -> LossGradients:

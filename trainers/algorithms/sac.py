@@ -80,8 +80,8 @@ class SAC(OffPolicyAlgorithm):
         later, present = draw_noise(frames), draw_noise(frames)  # not in the parts, which run in any order
         return [
             *([] if scenes is None else [partial(self.descend_grounding, scenes)]),
-            self.critic_gradients.part(frames, later),
-            self.actor_gradients.part(frames, present),
+            *self.critic_gradients.parts(frames, later),
+            *self.actor_gradients.parts(frames, present),
         ]
 
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:

@@ -1,13 +1,18 @@
 """Compiled losses: the same gradient steps as without compilation, and the choice for a run."""
 
+import copy
+import os
+
 import pytest
 import torch
+from tensordict import TensorDict
 
 from core.errors import ConfigError
 from tests.helpers.labelled_fake_env import make_labelled
 from tests.helpers.thorough import some
 from tests.helpers.training_configs import training
-from trainers.algorithms.algorithm import build_algorithm
+from trainers.algorithms.algorithm import adam_step, build_algorithm, run_parts
+from trainers.algorithms.compiled import CACHE, CACHE_VARIABLE, CompiledLosses, LossGradients, choose_cache
 from trainers.algorithms.settings import find_compiler
 
 ALGOS = "sac", "bc", "crossq", "td3", "tqc", "redq"
@@ -73,6 +78,77 @@ def test_training_goes_on_where_nothing_can_be_compiled(monkeypatch, capsys):
     monkeypatch.setattr(torch._inductor, "compile", fails)
     assert_same_steps("sac", "mlp")
     assert "warning: gradient steps are not compiled, and training goes on: no Python.h" in capsys.readouterr().err
+
+
+class TwoLosses(torch.nn.Module):
+    """A loss of each of two layers; the first changes a buffer, which the second reads, and both draw numbers."""
+
+    def __init__(self):
+        super().__init__()
+        self.first, self.second = torch.nn.Linear(3, 2), torch.nn.Linear(3, 2)
+        self.register_buffer("mean", torch.zeros(2))
+
+    def forward(self, frames):
+        value = self.first(frames["x"]) + torch.randn(len(frames), 2)
+        self.mean += 0.5 * value.detach().mean(0)
+        other = self.second(frames["x"]) + torch.randn(len(frames), 2) - self.mean
+        return {"loss/first": value.square().mean(), "loss/second": other.square().mean(), "mean": self.mean.sum()}
+
+
+@needs_compiler
+def test_losses_without_a_common_product_are_parts_with_the_same_numbers():
+    torch.manual_seed(0)
+    frames = TensorDict({"x": torch.randn(8, 3)}, [8])
+    plain = TwoLosses()
+    compiled = copy.deepcopy(plain)
+    for _ in range(2):  # the second call finds the buffer as the first has left it
+        rows, counts = [], []
+        for module, kind in ((plain, LossGradients), (compiled, CompiledLosses)):
+            learned, buffers = list(module.parameters()), list(module.buffers())
+            gradients = kind(module, learned, buffers) if kind is CompiledLosses else kind(module, learned)
+            torch.manual_seed(1)
+            parts = gradients.parts(frames)
+            counts.append(len(parts))
+            rows.append(run_parts(parts))
+        assert counts == [1, 2]
+        for name, value in rows[0].items():
+            torch.testing.assert_close(rows[1][name], value)
+        for ours, theirs in zip(compiled.parameters(), plain.parameters(), strict=True):
+            torch.testing.assert_close(ours.grad, theirs.grad)
+        torch.testing.assert_close(compiled.mean, plain.mean)
+
+
+def test_a_step_of_each_half_of_the_parameters_is_a_step_of_the_optimizer():
+    torch.manual_seed(0)
+    ours = [torch.randn(5, 4, requires_grad=True) for _ in range(4)]
+    theirs = copy.deepcopy(ours)
+    made, plain = (
+        torch.optim.Adam([{"params": each[:3], "lr": 0.1}, {"params": each[3:], "lr": 0.01}], fused=True)
+        for each in (ours, theirs)
+    )
+    for _ in range(3):
+        for mine, its in zip(ours[:-1], theirs[:-1], strict=True):  # the last one has no gradient
+            mine.grad = torch.randn_like(mine)
+            its.grad = mine.grad.clone()
+        adam_step(made, ours[:2])
+        adam_step(made, ours[2:])
+        plain.step()
+    for mine, its in zip(ours, theirs, strict=True):
+        assert torch.equal(mine, its)
+    state, expected = (tensors(each.state_dict()["state"]) for each in (made, plain))
+    assert state.keys() == expected.keys()
+    assert all(torch.equal(state[place], value) for place, value in expected.items())
+
+
+def test_what_is_compiled_is_kept_where_a_restart_does_not_empty_it(monkeypatch):
+    from torch._inductor.runtime.cache_dir_utils import default_cache_dir
+
+    monkeypatch.setenv(CACHE_VARIABLE, default_cache_dir())  # as an import of torch's compiler sets it
+    choose_cache()
+    assert os.environ[CACHE_VARIABLE] == str(CACHE.expanduser())
+    monkeypatch.setenv(CACHE_VARIABLE, "/a/folder/of/the/user")
+    choose_cache()
+    assert os.environ[CACHE_VARIABLE] == "/a/folder/of/the/user"
 
 
 def choice(compile, frames, device="cpu"):
