@@ -156,6 +156,7 @@ def test_as_far_as_it_goes_is_to_the_edge():
         ("what has she got in her hand?", "H", "The orange cube is in your hand"),
         ("What's the gap from the orange cube to the blue one?", "A", "10 cm"),
         ("How many cube is staying left of yellow cube?", "A", "two"),
+        ("How many cubes have we got out on the table at the moment?", "A", "six"),
         ("the cube that has another one on it: which is it?", "S", "cyan"),
         ("Anything red here that isn't a cube?", "A", "wheel"),
         (
