@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from language.acts import act_of, question
+from language.errors import NotUnderstood
 from language.lattice import Lattice, vocabulary
 from language.meanings import Gesture
 from language.memory import Memory
@@ -31,6 +32,7 @@ _DONE = re.compile(
     rf"\b(?P<noun>{_NOUN}|(?<=last )(?:two|three)|(?<=first )(?:two|three)) {_DOER}"
     rf"(?P<verb>(?!you\b)\w+(?: (?:up|down|out))?)(?! it\b| them\b){_WHEN}"
 )
+_ONCE = re.compile(r"^(?:first|second|third|last|latest|previous) |(?:earlier|before|ago|first|last|previously)$")
 _LAST = re.compile(r"\blast (?P<number>two|three)(?: ones| cubes| blocks| things)?(?= back\b)")
 _SAME = re.compile(r"\b(?:same )?(?:one|cube|block|thing) (?:as|from) (?:before|last time|earlier|just now)\b")
 _FIRST = re.compile(r"\b(?P<rank>first|second)(?: one)?\b(?! \w+ (?:from|on|of)\b)")
@@ -70,7 +72,10 @@ class Recollections(Memory):
     names: dict[str, Gesture] = field(default_factory=dict)
 
     def recalled(self, sentence: str) -> Recalled:
-        """Return a sentence with the things and places that it tells by what was said and done."""
+        """Return a sentence with the things and places that it tells by what was said and done.
+
+        Raises NotUnderstood if it tells a thing by what was not done.
+        """
         places: list[tuple[int, Gesture]] = []
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
@@ -131,14 +136,16 @@ class Recollections(Memory):
             found = self._done_with(match)
             if found:
                 yield match, listed([name(self.now, i) for i in found])
+            elif match.re is _DONE and _ONCE.search(match[0]) and acts_of(match["verb"]) and not question(text):
+                raise NotUnderstood(f"I do not know which is the '{match[0]}': I have done nothing like that yet")
 
     def _done_with(self, match: re.Match[str]) -> list[int]:
         """Return the things with which something was done: the first, the last, the last two."""
         said = match.groupdict()
         acts = acts_of(said["verb"]) if "verb" in said else frozenset(Act)
-        if acts & {Act.TAKE, Act.HOLD} and "verb" in said and self.now.held is not None:
-            return []  # that is what is held
         things = [step.object for step in self._steps() if is_done(step, acts)]
+        if not things and self.now.held is not None and acts & {Act.TAKE, Act.HOLD}:  # it was taken before
+            things = [self.now.held]
         meant = colors().get(said.get("color") or "", ())
         cubes = (said.get("noun") or "").startswith(("cube", "block"))
         things = [i for i in things if not meant or self.now.things[i].color in meant]

@@ -2,8 +2,8 @@
 
 import pytest
 
-from language import Answer, Dialogue, Question
-from tests.helpers.room_cases import NAMES, outcome_of, room
+from language import Answer, Dialogue, Question, Refusal
+from tests.helpers.room_cases import NAMES, RED, outcome_of, room
 
 
 def steps(turns):
@@ -91,6 +91,19 @@ def test_what_gives_no_name_teaches_none(sentence):
     assert not dialogue.names
 
 
+def test_what_is_held_was_picked_up_last():
+    assert [step.object for step in outcome_of("put the last one you picked up down", room(held=RED)).steps] == [RED]
+
+
 def test_without_a_thing_there_is_no_name():
     outcome = outcome_of("call it Bob")
     assert isinstance(outcome, Question | Answer) or outcome.text
+
+
+@pytest.mark.parametrize(
+    "turns", ["pick up the first one you moved", "open the drawer / give me the cube you moved earlier"]
+)
+def test_a_deed_that_was_not_done_tells_no_thing(turns):
+    outcome = outcome_of(turns)
+    assert isinstance(outcome, Refusal)
+    assert "nothing like that" in outcome.text
