@@ -148,7 +148,7 @@ def _false_place(low: str, facts: Facts, plans: list, about: bool) -> str:
     if re.search(r"outside what the arm reaches|out of (my |the )?reach|too far", low):
         x0, x1, y0, y1 = facts.area
         inside = [x0 - 0.01 <= x <= x1 + 0.01 and y0 - 0.01 <= y <= y1 + 0.01 for _, (x, y) in _nominal(plans, facts)]
-        if all(inside) and (plans or not about):
+        if all(inside):
             return "it can be reached"
     if match := re.search(r"the \w+ (\w+) marks no place", low):
         return f"things go into a {match[1]}" if match[1] in ("drawer", "fridge") else ""
