@@ -254,7 +254,10 @@ _TOWER = r"(?:that |this |my )?(?:tower|stack|pile)"
 _CONSISTS = r"(?:made|built|consist|made up|contain|have|got|of|from|out of)"
 _HAS = r"(?:he|she|they|i|we|(?:my|our|this|that) \w+|person|customer|guest)(?: have| got| hold| holding)*"
 _THEIR_HAND = r"(?:his|her|their|my|our) (?:hand|palm)"
-_TAGGED = r"(?: ,)? (?:is|are|do|did|does|have|has|was|were|can) (?:not )?(?:you|it|they|he|that|there)(?: not)?"
+_TAGGED = (  # without a comma not "and I want to have it"
+    r"(?: , (?:is|are|do|did|does|have|has|was|were|can)| (?:is|are|did|does|was|were)) "
+    r"(?:not )?(?:you|it|they|he|that|there)(?: not)?"
+)
 _IMPERATIVES = (  # what asks without a question word, or in another form
     (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?(.+?){_TAGGED}", r"\2 \1 \3"),
     (r"(is|are|was|were|does|did|has) not (.+)", r"\1 \2"),
@@ -326,7 +329,8 @@ WHAT = ("what", "where", "which", "how", "who", "why", "whose")
 def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
     asked = _OPENING.sub("", _VOCATIVE.sub("", text.rstrip(" ?.!")))
-    asked = re.sub(r" , (?:right|correct|yes|no|true)$", " , is it", asked) if text.endswith("?") else asked
+    tag = r"(?:(?<=open|shut|full)|(?<=closed)|(?<=empty)| ,) (?:right|correct|yes|no|true)$"
+    asked = re.sub(tag, " , is it", asked) if text.endswith("?") else asked
     first, _, rest = asked.partition(" ")
     if rest and len(first) > 2 and first not in (*WHAT, *STRANGERS) and (first, 0.0) not in spellings(first):
         near = [word for word in WHAT if OSA.distance(first, word) == 1]

@@ -301,7 +301,7 @@ class Questions(SelfAnswers):
             return f"{plain} is a {world.things[index].kind}"
         if about == "color":
             return f"{plain} is {world.things[index].color}"
-        if about == "state" or not world.is_loose(index):
+        if about == "state" or (about != "place" and not world.is_loose(index)):
             return state(world, index)
         return f"{plain} is {where(world, index)}"
 
@@ -515,7 +515,7 @@ class Questions(SelfAnswers):
         if not things:
             return f"there is no {_plain(match[1])} here"
         self.things = things
-        return "; ".join(f"{name(self.world, i).split(' in ')[0]} is {where(self.world, i)}" for i in things[:3])
+        return "; ".join(self._told(i, "place") for i in things[:3])
 
     def far(self, match: re.Match[str]) -> str | None:
         """Say how far something is from something else, or from the robot."""

@@ -17,6 +17,7 @@ from language.verbs import DEVICE_VERBS, KNOWN, Act, doing
 from language.words import FILLERS, TABLE
 from language.world import AT_END, FLAT, WorldModel
 
+BESIDE = 3.0  # widths of a thing from its middle within which another one is next to it
 WAYS = {"left": "to the left", "right": "to the right", "far": "away from {}", "near": "towards {}"}
 BACK = 0.03  # metres within which a thing is back where it was
 FEW_CELLS = 3  # that a move is told by
@@ -194,7 +195,10 @@ def where(world: WorldModel, index: int) -> str:
     ]
     near.sort(key=lambda i: abs(world.things[i].x - thing.x) + abs(world.things[i].y - thing.y))
     over = world.above[index]
-    beside = f"; {a_name(world, near[0])} is next to it" if near and over is None else ""
+    beside = ""
+    if near and over is None:
+        off = math.dist((thing.x, thing.y), (world.things[near[0]].x, world.things[near[0]].y))
+        beside = f"; {a_name(world, near[0])} is {'next' if off < BESIDE * thing.width else 'nearest'} to it"
     beside = f"; {a_name(world, over)} is on it" if over is not None else beside
     return f"on the table, {' '.join(side)}{beside}"
 

@@ -13,6 +13,7 @@ from tests.helpers.room_cases import larger_room as room
         ("press the button - i dare you", ["press"], [BUTTON]),
         ("take the red cube, if you can manage hehe", ["lift"], [RED]),
         ("right, back to work, open the drawer", ["open"], [DRAWER]),
+        ("the red cube is mine and I'd like to have it", ["hand_over"], [RED]),
         ("my daughter would love it if you opened the drawer", ["open"], [DRAWER]),
     ],
 )
@@ -54,6 +55,8 @@ def test_who_wants_to_be_entertained_is_told_what_can_be_done():
         ("did you break anything??", ["Not that I know"]),
         ("is anything broken?", ["Not that I know"]),
         ("are there any cubes here?", ["Yes: the "]),
+        ("is the button on the right?", ["No: the gray button is on the table, on the left"]),
+        ("the drawer is open right?", ["No: the blue drawer is closed"]),
         ("what's in the drawer and what's in the fridge?", ["in the drawer. ", "in the fridge"]),
     ],
 )
