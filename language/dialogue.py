@@ -166,8 +166,10 @@ class Dialogue(Conditions):
             if part.mark != "?" and (part.act == "social" or (part.act is None and is_chat(part.words))):
                 mark = len(sentence[part.end :]) - len(sentence[part.end :].lstrip(" ,;:!-"))
                 rest = f"{sentence[: part.start]}{' ' * (part.end + mark - part.start)}{sentence[part.end + mark :]}"
-                outcome = self.copy()._answer(rest, made)
+                trial = self.copy()
+                outcome = trial._answer(rest, made)
                 if not isinstance(outcome, Refusal) and (not isinstance(outcome, Question) or outcome.choices):
+                    self.homeward = trial.homeward
                     return replace(outcome, sentence=sentence)
         return None
 
@@ -508,6 +510,7 @@ class Dialogue(Conditions):
                     return Answer(sentence, 1.0, (), span, about=about, text=told)
                 rest = re.sub(r"^(?:is|are|has|was) ", "", asked) if IT_SHALL.match(then[2]) else then[2]
             outcome = trial._answer(rest, ()) if parts_of(rest) else None
+            self.homeward = trial.homeward
             if isinstance(outcome, Plan | Question) or (then and isinstance(outcome, Refusal)):
                 return outcome
         if told is not None:

@@ -160,3 +160,11 @@ def test_what_lies_in_a_hand_has_nothing_under_it_but_is_told_to_lie_there():
     back = dialogue.answer("hmm no changed my mind, put it back where it was", world)
     assert isinstance(back, Plan)
     assert back.result.inside == {}
+
+
+@pytest.mark.parametrize("before", ["my friend there snores zzz,", "is the drawer open?"])
+def test_the_arm_goes_home_after_a_command_beside_chat_and_questions_as_it_says(before):
+    dialogue = Dialogue()
+    outcome = dialogue.answer(f"{before} put the red cube on the blue one and then go home", room())
+    assert "after that I go back to my rest position" in outcome.notes
+    assert dialogue.homeward
