@@ -90,16 +90,6 @@ _REASON = re.compile(
     r"|(?:i|we) (?:need|want|use|require) (?:drawer|fridge|refrigerator|table) (?:for|to)\b"
 )
 _UNSURE = re.compile(r"(?:i|we) (?:forgot|thought|know|said)\b")
-
-
-class _Part(NamedTuple):
-    """A part of a sentence: its words, as text without the mark after it, and the mark."""
-
-    words: list[Token]
-    text: str
-    mark: str
-
-
 _SUBJECT = (
     r"(?:i|we|you|he|she|they|it|that|this|these|those|there|what|too|so|such|no|not|just|my \w+|your \w+|our \w+|his"
     r" \w+|her \w+|their \w+|everyone|everybody|nobody|people|life|man|dude|boy|(?:ha)+h?|(?:he){2,}|(?:hi){2,}|lol"
@@ -110,6 +100,14 @@ _LIMITS = (  # words that change what is to be done
     r"|any|first|second|third|last|twice|times|half|where|back|away|there is|slowly|gently|carefully|careful|wait|stop"
     r"|forward|forwards|backwards|sideways|up|down|by|cm|metres?|one|two|three|four|five|\d+)"
 )
+
+
+class _Part(NamedTuple):
+    """A part of a sentence: its words, as text without the mark after it, and the mark."""
+
+    words: list[Token]
+    text: str
+    mark: str
 
 
 def is_chat(words: Sequence[str]) -> bool:
