@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
+from language.comparing import Comparisons, Predicate
 from language.lattice import Lattice
 from language.normalise import questions
 from language.planning import Planner
 from language.scanning import COLOR, THING, Token, scan
-from language.self_answers import SelfAnswers
 from language.talk import holds, listed, name, phrase, real, seen, state, where
 from language.words import GROUPS, colors, nouns, phrases
 from language.world import AT_END, WorldModel
@@ -55,7 +55,7 @@ _WORKED = re.compile(
     r"(?P<not> (?:did |has )?not)?(?: did)? (?:work|worked|works|succeed|succeeded|went well|go well|well|managed?"
     r"|did it|do it|done|finished)(?: that| it| this)?$"
 )
-_BEST = r"\b(?:closest|nearest|farthest|furthest|most)\b"
+_BEST = r"\b(?:closest|nearest|farthest|furthest|most|\w+(?:most|g?est))\b"
 _SEVERAL = re.compile(  # between two questions
     r" (?:, )?(?:and |but |, )(?:also )?(?=(?:how|where|what|which|who|why)\b"
     r"|(?:is|are|do|does|did|has|have|can) (?!in\b|on\b|at\b|next\b|under\b|behind\b|near\b|left\b|right\b|not\b))"
@@ -63,17 +63,7 @@ _SEVERAL = re.compile(  # between two questions
 _GRIPPER = r"\b(?:gripper|your hand|claw|your fingers|you)\b"
 
 
-class Predicate(NamedTuple):
-    """What is stated of things. about: "state", "content", "place" or "color", which an answer tells of each thing.
-
-    holds: whether it is so of a thing; None: it is not the like of which this can be said.
-    """
-
-    holds: Callable[[int], bool | None]
-    about: str
-
-
-class Questions(SelfAnswers):
+class Questions(Comparisons):
     """Answers the questions of one sentence.
 
     Args:
@@ -171,7 +161,9 @@ class Questions(SelfAnswers):
             return list(self.planner.it[:1]) or ([self.planner.box] if self.planner.box is not None else None)
         if beside := re.search(rf"\b{_CLOSE} (?={_SIDE}\b(?: of)? (?P<anchor>.+))", text):
             return self._nearest(self.refs(text.replace(beside[0], ""))[1], beside["anchor"]) or None
-        parts = [self.refs(part) for part in re.split(r" (?:and|or|,) (?:(?:and|or) )?", text)]
+        words = re.split(r" (?:and|or|,) (?:(?:and|or) )?", text)
+        noun = re.search(rf"(?:{COLOR}) ({THING})$", words[-1])  # "the red and the blue cube"
+        parts = [self.refs(f"{part} {noun[1]}" if noun and re.fullmatch(COLOR, part) else part) for part in words]
         if any(entity is None for entity, _ in parts):
             return None
         return list(dict.fromkeys(i for _, things in parts for i in things))
@@ -211,14 +203,8 @@ class Questions(SelfAnswers):
         if re.fullmatch(rf"(?:{COLOR})(?: colou?red)?", plain):
             meant = colors()[plain.split()[0]]
             return Predicate(lambda i: world.things[i].color in meant, "color")
-        if compared := re.fullmatch(
-            r"(nearer|closer|farther|further)(?: away)?(?: (?:to|from) (.*?))? than (.*?)(?: is)?", plain
-        ):
-            other, anchor = self.subject(compared[3]), self.subject(compared[2] or "")
-            x, y = (world.things[anchor[0]].x, world.things[anchor[0]].y) if anchor else (0.0, 0.0)
-            far = [math.hypot(thing.x - x, thing.y - y) for thing in world.things]
-            sign = 1 if compared[1] in ("nearer", "closer") else -1
-            return Predicate(lambda i: sign * far[i] < sign * far[other[0]], "place") if other else None
+        if compared := self.than(plain):
+            return compared
         if kinds := _kinds(plain):
             return Predicate(lambda i: world.things[i].kind in kinds, "kind")
         held = r"^(?:held|held by you|holding|you hold|you holding)$"
@@ -301,6 +287,9 @@ class Questions(SelfAnswers):
             return f"{plain} is a {world.things[index].kind}"
         if about == "color":
             return f"{plain} is {world.things[index].color}"
+        if about == "size":
+            wide = "a cell" if world.cells else f"{100 * world.things[index].width:.0f} cm"
+            return f"{plain} {'has room for one thing' if index in world.containers else f'is {wide} wide'}"
         if about == "state" or (about != "place" and not world.is_loose(index)):
             return state(world, index)
         return f"{plain} is {where(world, index)}"
@@ -334,7 +323,7 @@ class Questions(SelfAnswers):
 
     def is_so(self, match: re.Match[str]) -> str | None:
         """Say whether something is so."""
-        text = re.sub(rf"^(?:{_BE}|could|would|will) ", "", match[0])
+        text = _with_nouns(re.sub(rf"^(?:{_BE}|could|would|will) ", "", match[0]))
         if re.search(r"\b(?:your gripper|gripper|your hand|claw|you)\b.*\b(?:empty|free|full|open)\b", text):
             return f"{'yes' if (self.world.held is None) == ('full' not in text) else 'no'}: {holds(self.world)}"
         if re.match(r"table\b.*\bempty", text):
@@ -381,22 +370,6 @@ class Questions(SelfAnswers):
             told = self._told(things[0], "place")
         return told
 
-    def nearer(self, match: re.Match[str]) -> str | None:
-        """Say which of two a thing is nearer to, or farther from."""
-        what, how, *others = match.groups()
-        things, ends = self.subject(what), [self.subject(each) for each in others]
-        if not things or not all(ends):
-            return None
-        thing, anchors = self.world.things[things[0]], [each[0] for each in ends if each]
-        off = [math.dist((thing.x, thing.y), (self.world.things[i].x, self.world.things[i].y)) for i in anchors]
-        best = off.index(min(off) if how in ("nearer", "closer") else max(off))
-        near = [f"{each:.0f} cells" if self.world.cells else f"{100 * each:.0f} cm" for each in off]
-        self.things = [anchors[best]]
-        return (
-            f"{'to' if how in ('nearer', 'closer') else 'from'} {self.names([anchors[best]])}: {near[best]} from "
-            f"{self.names(things[:1])}, and {self.names([anchors[1 - best]])} is {near[1 - best]} from it"
-        )
-
     def exists(self, match: re.Match[str]) -> str | None:
         """Say whether something of the kind is there."""
         text = re.sub(
@@ -436,7 +409,7 @@ class Questions(SelfAnswers):
         head, rest = (text[: joint.start()].strip(), text[joint.end() :].strip()) if joint else ("", text)
         if rest.startswith("or ") or not rest:
             return None
-        if re.match(_BEST, rest) and not among and (best := self._best(rest, head or (noun[0] if noun else "cube"))):
+        if re.match(_BEST, rest) and not among and (best := self.best(rest, head or (noun[0] if noun else "cube"))):
             return best
         negated = "not " if rest.startswith("not ") else ""
         stated = self.predicate(rest)
@@ -474,15 +447,6 @@ class Questions(SelfAnswers):
         things = [i for i in self.subject(text) or [] if self.world.below[i] is None]
         return "".join(f": {self._told(i, 'place')}" for i in things[:1])
 
-    def _best(self, rest: str, noun: str) -> str | None:
-        """Say which thing is closest to something, or farthest from it: "which cube is closest to the red one?"."""
-        rest = rest.removesuffix(" one") if rest.endswith("st one") else rest
-        entity, fits = self.refs(f"{'thing' if noun in ('one', 'ones') else noun} {rest}")
-        if who := re.search(r"\b(me|us|you|robot)\b", rest):
-            fits.sort(key=lambda i: self._off(i, who[1]), reverse="far" in rest or "fur" in rest)
-        self.things = fits = fits if noun.endswith("s") else fits[:1]
-        return "; ".join(self._told(i, "place") for i in fits[:3]) if entity is not None and fits else None
-
     def count(self, match: re.Match[str]) -> str | None:
         """Say how many things fit a phrase, or how many there are of which something is so."""
         text = re.sub(r"\b(?:are|is) there\b|\b(?:do|can) (?:you|we|i) (?:see|have|count|find)\b", "", match[1]).strip()
@@ -516,22 +480,6 @@ class Questions(SelfAnswers):
             return f"there is no {_plain(match[1])} here"
         self.things = things
         return "; ".join(self._told(i, "place") for i in things[:3])
-
-    def far(self, match: re.Match[str]) -> str | None:
-        """Say how far something is from something else, or from the robot."""
-        one, _, other = re.sub(r" (?:away|apart|now)\b", "", match[1]).partition(" from ")
-        one, other = one.partition(" and ")[::2] if " and " in one else (one, other)
-        things, rest = (
-            self.subject(one),
-            self.subject(other) if not re.search(r"\b(?:you|robot|gripper)\b", other) else [],
-        )
-        if not things or rest is None:
-            return None
-        x, y = (self.world.things[rest[0]].x, self.world.things[rest[0]].y) if rest else (0.0, 0.0)
-        thing, unit = self.world.things[things[0]], " cells" if self.world.cells else " cm"
-        away = math.hypot(thing.x - x, thing.y - y) * (1 if self.world.cells else 100)
-        self.things = [things[0]]
-        return f"{self.names(things[:1])} is {away:.0f}{unit} from {self.names(rest[:1]) if rest else 'my base'}"
 
     def capacity(self, match: re.Match[str]) -> str | None:
         """Say how many things a container or the hand holds."""
@@ -584,9 +532,10 @@ def _kinds(plain: str) -> tuple[str, ...]:
 
 
 def _with_nouns(text: str) -> str:
-    """Return words with a noun for "one" after a colour: "cubes are left of the cyan one"."""
-    kind = re.match(r"(cube|block)s?\b", text)
-    return re.sub(rf"\b({COLOR}) one\b", rf"\1 {kind[1]}", text) if kind else text
+    """Return words with the first noun for each "one" after it: "cubes are left of the cyan one"."""
+    kind = re.search(rf"\b({THING})\b", text)
+    noun = kind[1].removesuffix("s") if kind else "one"
+    return re.sub(rf"\b({COLOR}|\w+(?:most|est)) one\b", rf"\1 {noun}", text)
 
 
 def _plain(text: str) -> str:

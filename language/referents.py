@@ -13,7 +13,7 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest
+from language.spots import Rest, extent
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
@@ -580,7 +580,7 @@ class Resolver:
         return best(refs, lambda ref: sign * distance(ref.x, ref.y, robot), tie, number)
 
     def _width(self, ref: Ref) -> float:
-        return max((self.world.things[i].width for i in ref.things), default=0.0)
+        return max((extent(self.world, i) for i in ref.things), default=0.0)
 
     def _counted(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
         """Return the referent of a rank: from the left, unless the phrase says from where."""

@@ -308,8 +308,8 @@ class SelfAnswers(ABC):
         things = self.subject(match[1])
         if not things:
             return None
-        width = world.things[things[0]].width
-        return f"{self.names(things[:1])} is {'a cell' if world.cells else f'{100 * width:.0f} cm'} wide"
+        self.things = things[:1]
+        return self._told(things[0], "size")
 
     def as_tall(self, match: re.Match[str]) -> str | None:
         """Say whether a stack has so many things."""

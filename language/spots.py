@@ -141,3 +141,8 @@ def old_place(then: WorldModel, now: WorldModel, index: int, rests: Mapping[int,
         return left
     thing = now.things[index]
     return rests.get(index) or (*now.home.get(index, (thing.x, thing.y)), None)
+
+
+def extent(world: WorldModel, index: int) -> float:
+    """Return how large a thing is, in metres: its width; containers are larger than what fits in them."""
+    return 1.0 if index in world.containers else round(world.things[index].width, 3)
