@@ -11,14 +11,15 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
-from language.acts import CONDITION
+from language.acts import CONDITION, Part
 from language.meanings import Gesture
 from language.normalise import plain_start
 from language.outcomes import Answer, Outcome, Plan, Refusal
 from language.questions import Questions
 from language.remarks import command as command_word
+from language.remarks import tells_of
 from language.replies import Replies
-from language.scanning import scan, verb_words
+from language.scanning import COLOR, THING, scan, verb_words
 from language.talk import name, offers, phrase
 
 MOST = 4  # conditions of a sentence
@@ -47,6 +48,7 @@ _SOMEBODY = re.compile(
     r"(?:(?:done|do) (?:it|so|that))?$"
 )
 _PLACE = re.compile(r"\b(?:on|in|into|onto|inside|from|out of|behind|under|to|of)\b")
+_NAMED = re.compile(rf"\b(?:{COLOR}) (?:one|{THING})\b|\b(?:{THING})\b")
 _SPOKEN = re.compile(r"\b(?:it|they|that|them|there)\b")
 
 
@@ -154,9 +156,31 @@ class Conditions(Replies):
     def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
         raise NotImplementedError
 
+    def _answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
+        raise NotImplementedError
+
     def copy(self) -> Conditions:
         """Return a dialogue with the same memory, to try a sentence."""
         raise NotImplementedError
+
+    def _about_topic(self, sentence: str, parts: Sequence[Part], made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return the plan of a sentence that first says what it is about: "you see the red cube? pick it up"."""
+        for at in range(1, len(parts)):
+            told, rest = " ".join(parts[at - 1].words), sentence[parts[at - 1].end :].lstrip(" ,;:.!?-")
+            if not tells_of(told) or not _SPOKEN.search(rest.lower()):
+                return None
+            things = list(dict.fromkeys(i for text in (told, *_NAMED.findall(told)) for i in self._told_of(text)))
+            if things:
+                trial = self.copy()
+                trial.it = (things[0],)
+                trial.box = next((i for i in things if i in self.now.containers), self.box)
+                outcome = trial._answer(rest, made)
+                return outcome if isinstance(outcome, Plan) or getattr(outcome, "choices", ()) else None
+        return None
+
+    def _told_of(self, text: str) -> list[int]:
+        refs = phrase(self.now, self.planner(), scan(text))[1]
+        return [i for ref in refs[:1] for i in ref.things[-1:]]
 
     def _conditional(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the outcome of a sentence with conditions; None of another one."""

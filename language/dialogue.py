@@ -144,7 +144,8 @@ class Dialogue(Conditions):
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Signal(sentence, 1.0, (), span, control="stop", text=f"All right, I do nothing. {_NEXT}")
         if (told := self._asked(sentence, text, made)) is not None:
-            return replace(told, sentence=sentence)
+            topic = self._about_topic(sentence, parts, made) if isinstance(told, Refusal) else None
+            return replace(topic or told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
             return self._unknown(sentence, words)
         _, end = beside_home(text)
@@ -158,7 +159,9 @@ class Dialogue(Conditions):
             return replace(outcome, notes=(*outcome.notes, "after that I go back to my rest position"))
         if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices and not outcome.unused):
             return outcome
-        return self._aside(sentence, parts, outcome) or self._beside_chat(sentence, parts, made) or outcome
+        said = self._aside(sentence, parts, outcome) or self._beside_chat(sentence, parts, made)
+        said = said or self._about_topic(sentence, parts, made) or outcome
+        return replace(said, sentence=sentence)
 
     def _beside_chat(self, sentence: str, parts: list[Part], made: tuple[Gesture, ...]) -> Outcome | None:
         """Return what the other parts of a sentence come to, where a part is chat in words that are not all known."""
@@ -504,7 +507,8 @@ class Dialogue(Conditions):
         about = tuple(dict.fromkeys(known.things))
         if rest:
             trial = self.copy()
-            trial.it, trial.box = about[:1] or self.it, next((i for i in about if i in world.containers), self.box)
+            named = about or self._told_of(asked)
+            trial.it, trial.box = (*named[:1],) or self.it, next((i for i in named if i in world.containers), self.box)
             if (then := re.match(r"\W*if (not|so|yes|no|it is not|it is)(?:\W) ?(.+)", rest, re.S | re.I)) and told:
                 if (then[1] in ("so", "yes", "it is")) != told.lower().startswith("yes"):
                     return Answer(sentence, 1.0, (), span, about=about, text=told)

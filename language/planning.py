@@ -79,6 +79,9 @@ class Planner(Several):
             return 0.0
         if self.world.held is not None or entity.other or isinstance(entity.pointed, int):
             return 0.0
+        beside = [each for each in entity.relations if each.name in ("left", "right", "front", "behind", "near")]
+        if entity.span[0] > 3 and any(anchor.kind == "it" for each in beside for anchor in each.anchors):
+            return 0.0  # the clauses before tell what "it" is
         refs = self.resolver(self.world, self.it, None).resolve(entity)
         return refs[0].cost if refs else costs.EMPTY
 

@@ -89,6 +89,7 @@ _REASON = re.compile(
     r"|(?:many )?(?:thanks|thank you) for\b"
     r"|(?:i|we) (?:need|want|use|require) (?:drawer|fridge|refrigerator|table) (?:for|to)\b"
 )
+_TELLS = re.compile(rf"(?:(?:and|but|so|well|oh) )*{_PERSON} (?!{_PLACE}\b)\w+|(?:do you |can you )?(?:see|remember)\b")
 _UNSURE = re.compile(r"(?:i|we) (?:forgot|thought|know|said)\b")
 _SUBJECT = (
     r"(?:i|we|you|he|she|they|it|that|this|these|those|there|what|too|so|such|no|not|just|my \w+|your \w+|our \w+|his"
@@ -198,6 +199,13 @@ def asks_nothing(text: str) -> bool:
         return False
     subject = re.match(rf"(?:and |but |so )?(?:\w+ ){{0,2}}{_THING}\b", text)
     return not (subject and re.search(rf"\b{_THING} .*\b{_PLACE}\b", text))
+
+
+def tells_of(text: str) -> bool:
+    """Whether a part tells or asks how something is, so that it may say what "it" means: "you see the red cube"."""
+    if re.search(rf"{_OBLIGED}|{_WISH}|\b(?:if|unless|not|never|only|wrong|instead|mistake)\b", text):
+        return False
+    return bool(_REMARK.match(text) or _TELLS.match(text))
 
 
 def _unsigned(found: list[Token]) -> list[Token]:

@@ -196,3 +196,59 @@ def test_the_choice_is_not_left_to_the_robot_without_a_question():
 
 def test_hold_it_right_there_stops():
     assert isinstance(said("whoa whoa whoa hold it right there"), Signal)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("grab the orange cube and put it away in the drawer for me", "B", ["put_in orange drawer"]),
+        ("put the blue one in the drawer, so they match", "B", ["put_in blue drawer"]),
+        ("put the yellow block in the fridge before it goes bad, haha", "F", ["put_in yellow fridge"]),
+        ("close the drawer and uh the fridge too while you're at it", "BF", ["close drawer", "close fridge"]),
+    ],
+)
+def test_whom_it_is_for_and_why_adds_no_step(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("somebody left the fridge open again, could you shut it?", "F", ["close fridge"]),
+        ("my daughter hid her red block in the drawer. can you get it and give it to me?", "I", ["hand_over red hand"]),
+        ("you see the cube behind the yellow one? stack it on the red one", "A", ["stack cyan red"]),
+        ("there is a cube behind the yellow one, put it on the red one", "A", ["stack cyan red"]),
+        ("i've got my hand out, just lay the yellow cube in it", "A", ["hand_over yellow hand"]),
+    ],
+)
+def test_what_is_told_first_is_what_it_means(sentence, state, steps):
+    assert [step for step in done(sentence, state) if not step.startswith("take_out")] == steps
+
+
+def test_who_shall_not_have_something_gets_nothing():
+    assert not isinstance(said("my brother wants the red cube. don't give it to him"), Plan)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("open the fridge and put the cube closest to it inside", "A", ["open fridge", "put_in red fridge"]),
+        ("put the cube closest to the drawer inside it", "B", ["put_in blue drawer"]),
+        ("check the fridge and take out whatever is in there", "I", ["take_out yellow fridge"]),
+        ("tap the button", "A", ["press button"]),
+        ("perch the red cube on the blue one", "A", ["stack red blue"]),
+        ("pick up the red cube, wait, actually put the red one on the blue one", "A", ["stack red blue"]),
+        ("pick up the cube uh the red cube", "A", ["lift red"]),
+        (
+            "put the yellow cube on the cyan one, then pick up the cube to the right of it",
+            "A",
+            ["stack yellow cyan", "lift gray"],
+        ),
+    ],
+)
+def test_it_and_there_mean_what_the_same_sentence_named(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+def test_the_outermost_one_that_is_moved_is_a_loose_thing():
+    assert done("move the rightmost one over to the left side of the table") == ["pick_and_place blue"]
