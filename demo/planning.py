@@ -33,11 +33,13 @@ from language import (
     matches,
     say,
 )
-from language.verbs import BASE, EVERY, GOAL, KNOWN, OBJECT, PLACING, Act, has_goal
+from language.verbs import BASE, EVERY, GOAL, KNOWN, OBJECT, OPERATED, PLACING, Act, has_goal
 
 SAME_PLACE = 0.02  # metres within which a see-through object marks the place already
 HOLD = 0.15  # metres above the table at which a taken object is held
 ON_TABLE = 0.01  # metres above the table below which a place counts as on the table
+
+OPENING, SHUTTING = (next(verb for verb in OPERATED if KNOWN[verb].act is act) for act in (Act.OPEN, Act.SHUT))
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,8 @@ class SubtaskPlanner:
         if self._env.task.traits.stacks:
             subtasks = self._on_board(steps, for_policy)
         elif self._env.task.verbs:
-            subtasks = [self._in_room(step) for step in self._to_do(self._without_takes_in_room(steps))]
+            to_do = self._to_do(self._without_takes_in_room(steps))
+            subtasks = [self._in_room(step) for step in self._opened_wide(to_do)]
         else:
             subtasks = self._on_table(self._to_do(without_takes(steps)))
         return [replace(subtask, number=number) for number, subtask in enumerate(subtasks)]
@@ -124,6 +127,18 @@ class SubtaskPlanner:
             apart = np.subtract(step.place or (np.inf, np.inf), scene.positions[step.object, :2])
             if take is not None and take not in kept and not step.several and np.linalg.norm(apart) < near:
                 found.append(take)
+            found.append(step)
+        return found
+
+    def _opened_wide(self, steps: Sequence[Step]) -> list[Step]:
+        """Return the steps with those that close and open what is open, but too little for something to go through."""
+        narrow, found = room.narrow(self._env), list[Step]()
+        for step in steps:
+            if step.goal in narrow:
+                found += [Step(verb, step.goal, implied=True) for verb in (SHUTTING, OPENING)]
+                narrow.discard(step.goal)
+            if step.act in (Act.OPEN, Act.SHUT):
+                narrow.discard(step.object)
             found.append(step)
         return found
 

@@ -99,6 +99,12 @@ def check(env: InteractiveEnv, option: Option, scene: Scene) -> None:
         raise LanguageError(reason)
 
 
+def narrow(env: InteractiveEnv) -> set[int]:
+    """What is open, but not wide enough for something to go in or out."""
+    room = room_of(env)
+    return set(np.flatnonzero(room.fits & (room.shares >= OPEN) & (room.shares <= THROUGH)).tolist())
+
+
 def free_spot(
     env: InteractiveEnv, referent: int, mark: tuple[float, float, float], scene: Scene
 ) -> tuple[float, float, float]:
@@ -199,8 +205,6 @@ def _of_target(room: Room, option: Option, held: int, names: Sequence[str]) -> I
             yield f"your hand is full: {names[inside]} is in it"
     elif not room.fits[target]:
         yield f"nothing goes in {there}: name the drawer or the fridge"
-    elif OPEN <= room.shares[target] <= THROUGH:
-        yield f"{there} is not open wide enough: close it, then open it again"
     elif room.shares[target] <= THROUGH:
         yield f"{there} is not open: open it first"
     elif effect == "in" and room.inside[:, target].any():

@@ -83,11 +83,9 @@ class NounPhrases:
         for edge in self._get(draft.at, "side"):
             sides = draft.known.get("sides", ())
             if edge.value not in sides:
-                found.append(
-                    _Draft(
-                        edge.end, {**draft.known, "sides": (*sides, edge.value)}, draft.cost + edge.cost, draft.skipped
-                    )
-                )
+                upper = self._lattice.table and self._lattice.text(draft.at) in ("top", "upper")  # of a tower, if any
+                cost = draft.cost + edge.cost + costs.UPPER_SIDE * upper
+                found.append(_Draft(edge.end, {**draft.known, "sides": (*sides, edge.value)}, cost, draft.skipped))
         colors = draft.known.get("colors", ())
         at = draft.at
         if colors and any(

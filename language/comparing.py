@@ -93,6 +93,30 @@ class Comparisons(SelfAnswers):
         self.things = fits = fits if noun.endswith("s") else fits[:1]
         return "; ".join(self._told(i, "place") for i in fits[:3])
 
+    def middle(self, match: re.Match[str]) -> str | None:
+        """Say which of an odd number of things is in the middle from left to right."""
+        loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i) and i not in self.world.inside]
+        spoken = [i for i in self.planner.it if i in loose]
+        things = spoken if len(spoken) > 2 else loose
+        if len(things) % 2 == 0:
+            return None
+        dx, dy = self.world.toward("left")
+        things.sort(key=lambda i: dx * self.world.things[i].x + dy * self.world.things[i].y)
+        self.things = [things[len(things) // 2]]
+        return self._told(self.things[0], "place")
+
+    def highest(self, match: re.Match[str]) -> str | None:
+        """Say which stack is the highest, or the lowest."""
+        world = self.world
+        tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
+        stacks = [world.column(world.things[i].x, world.things[i].y) for i in tops]
+        if not stacks:
+            return "there is no stack"
+        most = (min if re.search(r"lowest|smallest", match[0]) else max)(map(len, stacks))
+        found = [stack for stack in stacks if len(stack) == most]
+        self.things = [found[0][-1]]
+        return "; ".join(f"that of {self.names(stack[::-1])}, which is {most} high" for stack in found)
+
     def larger(self, match: re.Match[str]) -> str | None:
         """Say which of some things is the larger or the smaller one."""
         things, sign = self.subject(match[2]), _LARGER[match[1]]

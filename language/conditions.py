@@ -14,7 +14,7 @@ from typing import NamedTuple
 from language.acts import CONDITION, Part
 from language.meanings import Gesture
 from language.normalise import plain_start
-from language.outcomes import Answer, Outcome, Plan, Refusal
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.questions import Questions
 from language.remarks import command as command_word
 from language.remarks import tells_of
@@ -175,7 +175,8 @@ class Conditions(Replies):
                 trial.it = (things[0],)
                 trial.box = next((i for i in things if i in self.now.containers), self.box)
                 outcome = trial._answer(rest, made)
-                return outcome if isinstance(outcome, Plan) or getattr(outcome, "choices", ()) else None
+                asked = isinstance(outcome, Question) and bool(outcome.choices)
+                return outcome if asked or isinstance(outcome, Plan) else None
         return None
 
     def _told_of(self, text: str) -> list[int]:

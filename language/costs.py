@@ -14,6 +14,7 @@ NO_NOUN = 0.8  # "the blue"
 REGION_WITHOUT_PREPOSITION = 1.0  # "on red cube left edge"
 TAKEN_SOMEWHERE = 1.5  # "take X" with a place, which is more likely a part of the phrase X
 POINTED = -0.05  # "this cube" with a gesture: more likely the cube that it shows
+UPPER_SIDE = 0.05  # "the top one" as the far one, not the one on top
 UNUSED_GESTURE = 12.0  # a gesture without a word for it, if another reading has one
 NO_VERB = 1.0
 NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": more likely a thing than a command

@@ -41,7 +41,7 @@ from language.questions import Questions
 from language.remarks import asks_nothing, is_chat
 from language.remarks import command as command_word
 from language.replies import LITTLE
-from language.revising import further, opposite, partly_back, pinned, restoring
+from language.revising import aside, further, opposite, partly_back, pinned, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.settling import Choices, choices, crowded, settled
 from language.statements import stated
@@ -221,6 +221,8 @@ class Dialogue(Conditions):
 
     def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
         """Return the outcome of a sentence that asks for something to be done, answers or corrects."""
+        if why := aside(self.now, text):
+            return Refusal(text, 0.5, (), (0, len(text)), "impossible", text=why, suggestions=offers(self.now))
         if (exact := self._exact(text, made)) is not None:
             return exact
         conditional = self._conditional(text, made)
@@ -255,7 +257,9 @@ class Dialogue(Conditions):
 
     def _is_reply(self, reply: Reading, found: Choices) -> bool:
         """Whether a sentence answers or corrects what went before, rather than asks for something of its own."""
-        if (self.now.only and self.open_question() is None) or crowded(found):  # a phrase says what to do
+        if (self.now.only and self.open_question() is None and not reply.rejects) or crowded(
+            found
+        ):  # a phrase says what to do
             return False
         if not reply.rejects and (len(reply.steps) > 1 or reply.steps[0].verb is not None):
             return False

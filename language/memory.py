@@ -55,7 +55,8 @@ class Memory:
             self.world = outcome.result or world
             self.last = outcome.reading or self.last
             asked = [step for step in outcome.steps if not step.implied] or list(outcome.steps)
-            self.it = tuple(dict.fromkeys(s.object for s in asked if s.several)) or self._built(outcome, asked)
+            its = tuple(dict.fromkeys(s.object for s in asked if s.several)) or self._built(outcome, asked)
+            self.it = its + _below(outcome, its, world)
             about = tuple(dict.fromkeys(i for s in asked for i in (s.goal, s.object) if i is not None))
         elif isinstance(outcome, Signal) and outcome.steps:
             self.world = outcome.result or world
@@ -168,3 +169,12 @@ class Memory:
                     return turn
                 undone -= 1 if undone > 0 else -1
         return found
+
+
+def _below(plan: Plan, things: Sequence[int], world: WorldModel) -> tuple[int, ...]:
+    """Return what else was in a tower that a plan took apart. world: before it."""
+    clause = plan.reading.steps[-1] if plan.reading is not None else None
+    if clause is None or clause.act is not Act.UNSTACK or clause.entity is None or clause.entity.kind != "stack":
+        return ()
+    towers = [world.column(world.things[i].x, world.things[i].y) for i in things]
+    return tuple(dict.fromkeys(i for tower in towers for i in tower if i not in things))

@@ -85,6 +85,8 @@ class Movers(Steps):
         world, act = plan.world, clause.act
         resolver = self.resolver(world, plan.it, None, plan.mentioned, plan.box)
         refs = resolver.resolve(entity)
+        if entity.superlative == "high" and not any(below is not None for below in world.below):
+            refs = [ref._replace(cost=ref.cost + 2 * costs.UPPER_SIDE) for ref in refs]  # no tower has a top
         if act is None:
             return refs
         if not self.help:

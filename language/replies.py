@@ -72,6 +72,8 @@ _HELD = re.compile(
     r"(?:(?:are|is|still|now|currently|have) )*(?:hold|holds|holding|carry|carries|carrying|grip|gripping|grasping)"
     r"|(?:is |are )?in (?:your|robot) (?:gripper|hand|claw|fingers))\b"
 )
+_MEANT = re.compile(r"\b(?:meant|mean|sorry|oops|rather)\b", re.IGNORECASE)
+_WHOSE = re.compile(r"\b(?:my|your)\b", re.IGNORECASE)  # "I meant MY left"
 _BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "nearest")  # places beside another thing
 
 
@@ -93,6 +95,9 @@ class Replies(Recollections):
             return None  # a word is left out that may change the meaning
         if len(reply.steps) > 1 or clause.verb is not None:  # "no, take the blue one"
             return self._tried(sentence, [Reading(reply.steps)], found, restore=world.cells, back=True)
+        corrects = (reply.rejects or _MEANT.search(sentence)) and not _WHOSE.search(sentence)
+        if corrects and self.last is not None and (side := _on_other_side(self.last.steps[-1], clause)) is not None:
+            return self._tried(sentence, [Reading((*self.last.steps[:-1], side))], found, restore=True)
         if asked is None and clause.entity is None and (other := self._other_place(sentence, clause)) is not None:
             return other
         if asked is not None and not reply.rejects:
@@ -407,3 +412,20 @@ class Replies(Recollections):
     def _settle(self, sentence: str, reading: Reading) -> Outcome:
         planner = self.planner()
         return replace(settled(sentence, choices_of([reading], planner), planner), sentence=sentence)
+
+
+def _on_other_side(last: Clause, said: Clause) -> Clause | None:
+    """Return the last clause with the thing on the side that is said: "the cube on the right", "I meant the left"."""
+    entity, at = last.entity, said.places[0] if said.places and said.entity is None else None
+    if entity is None or at is None or last.places or entity.kind != "thing":
+        return None
+    sides = (at.value,) if at.name == "direction" and at.value else at.anchors[0].sides if at.anchors else ()
+    exact = getattr(last.instruction, "phrase", None)  # of a sentence of the project's own language
+    if exact is not None and exact.superlative in ("leftmost", "rightmost") and sides:
+        plain = replace(entity, colors=entity.colors if exact.color else (), sides=sides, pointed=None)
+        return replace(last, entity=plain, instruction=None)
+    before = [each for each in entity.relations if any(anchor.kind == "side" for anchor in each.anchors)]
+    if not sides or not (before or entity.sides or entity.superlative in ("left", "right")):
+        return None
+    kept = tuple(each for each in entity.relations if each not in before)
+    return replace(last, entity=replace(entity, sides=sides, superlative=None, relations=kept))

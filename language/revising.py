@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -14,6 +15,11 @@ from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.words import ENCLOSING
 from language.world import WorldModel
 
+_ASIDE = re.compile(  # "move to the left"
+    r"\W*(?:(?:now|then|please|just) )*(?:go|move|come)(?: a (?:bit|little))?(?: (?:to|towards) (?:the|your|my))? "
+    r"(?:left|right|back|forwards?|backwards?|up|down|higher|lower)\b(?: please)?\W*$",
+    re.IGNORECASE,
+)
 _GOING = (*ONTO, "near")  # relations to what the gripper goes to
 MOVED = 0.06  # of the distance between neighbours: a thing that was to move and moved less is where it was
 
@@ -284,6 +290,8 @@ def only_verb(clause: Clause, verb: str) -> Clause:
     shown = entity is not None and entity.pointed is not None
     if clause.act not in (None, Act.CARRY) or (clause.act is Act.CARRY and not (entity is None or robot or shown)):
         return clause
+    if (entity is None or robot) and clause.places and all(_is_there(place) for place in clause.places):
+        return replace(clause, verb=verb, entity=Entity("it", span=clause.span), places=())
     at = [place for place in clause.places if place.name in _GOING and place.anchors]
     if at:  # "go there", "on the red one"
         return replace(clause, verb=verb, entity=at[-1].anchors[-1], places=())
@@ -291,6 +299,21 @@ def only_verb(clause: Clause, verb: str) -> Clause:
         return replace(clause, verb=verb, places=())
     beside = [place for place in clause.places if place.anchors] if entity is None else []
     return replace(clause, verb=verb, entity=Entity(relations=tuple(beside)), places=()) if beside else clause
+
+
+def _is_there(place: RelationPhrase) -> bool:
+    return place.name == "here" and place.value == "there" and not place.anchors
+
+
+def no_direction(world: WorldModel) -> str:
+    """Return why the arm goes in no direction where it only does one verb to things."""
+    names = [a_name(world, i) for i, thing in enumerate(world.things) if not thing.target]
+    return f"in this scene I only {world.only} things, and go in no direction: name {', '.join(names)}"
+
+
+def aside(world: WorldModel, text: str) -> str:
+    """Return why the arm itself does not go to a side, if that is what a sentence asks of one that cannot; or ""."""
+    return no_direction(world) if world.only and _ASIDE.match(text) else ""
 
 
 def unfit(world: WorldModel, clause: Clause) -> str:
@@ -302,8 +325,7 @@ def unfit(world: WorldModel, clause: Clause) -> str:
     )
     if world.only is None or same:
         return ""
-    names = [a_name(world, i) for i, thing in enumerate(world.things) if not thing.target]
     if clause.verb is None or (all(each.name in ("direction", "home") for each in clause.places) and clause.places):
-        return f"in this scene I only {world.only} things, and go in no direction: name {', '.join(names)}"
+        return no_direction(world)
     doing = f"in this scene I only {world.only}, and do not {clause.verb}".replace("_", " ")
     return f"{doing}; choose another scene, such as 'anything', for that"

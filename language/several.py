@@ -62,6 +62,7 @@ class Several(Movers):
         things = ordered
         onto = act is Act.CARRY and any(each.name in ONTO for each in clause.places)
         things = self._without_base(plan, clause, things) if onto and entity.kind != "list" else things
+        whole = towers_of(plan.world, things) if act is Act.UNSTACK and entity.kind == "stack" else [things]
         for number, index in enumerate(things):
             plan = self._one_of(plan, clause, index, len(things) > 1)
             if "is full" in plan.failure and number:
@@ -74,7 +75,8 @@ class Several(Movers):
             if plan.failure:
                 return replace(plan, entity=plan.entity or entity)
         box = next((i for i in things if i in plan.world.containers), plan.box)
-        done = replace(plan, it=tuple(things), mentioned=tuple(things), box=box, topic=None)
+        spoken = tuple(dict.fromkeys(i for each in whole for i in each))
+        done = replace(plan, it=spoken, mentioned=tuple(things), box=box, topic=None)
         marked = (*done.steps[:before], *(replace(each, several=True) for each in done.steps[before:]))
         return replace(done, steps=marked)
 

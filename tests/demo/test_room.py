@@ -1,12 +1,13 @@
 """Sessions in a room: several verbs, one after another in the world as it is, driven by the scripted expert."""
 
 import re
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from demo.returning import NEAR
-from demo.room import room_of
+from demo.room import narrow, room_of
 from demo.session import Session
 from demo.session_config import default_task, make_config
 from language import LanguageError, Plan
@@ -151,3 +152,12 @@ def test_play_begins_with_everything_where_there_is_a_policy_for_it(tmp_path, mo
     (tmp_path / "anything_kuka" / "policy.safetensors").touch()
     assert default_task("kuka") == "anything"
     assert default_task("jaco") == "nl_reach"
+
+
+def test_what_is_open_too_little_is_opened_wide_before_something_is_taken_out():
+    with closing(Session(make_config(task="anything"), seed=3)) as session:  # whose fridge is open by less than 0.9
+        (fridge,) = narrow(session.env)
+        (inside,) = np.flatnonzero(room_of(session.env).inside[:, fridge])
+        names = session.object_names()
+        assert done(session, f"take {names[inside].partition(' in ')[0]} out of {names[fridge]}")
+        assert not room_of(session.env).inside[inside, fridge]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from language import Answer, Dialogue, Object, Refusal
+from language import Answer, Dialogue, Object, Refusal, Scene, table
 from tests.helpers.room_cases import larger_room as room
 
 
@@ -54,3 +54,18 @@ def test_the_outermost_thing_of_a_kind_is_confirmed():
 
 def test_nobody_claims_to_know_weights():
     assert isinstance(Dialogue().answer("what's the heaviest cube?", room()), Refusal)
+
+
+def test_the_middle_one_of_a_row_is_in_the_middle_from_left_to_right():
+    cubes = [
+        Object("cube", c, (x, y, 0.025)) for c, x, y in (("red", 0.3, 0.0), ("blue", 0.45, 0.1), ("cyan", 0.4, 0.2))
+    ]
+    outcome = Dialogue().answer("which one is in the middle?", table(Scene(cubes)))
+    assert outcome.text.startswith("The blue cube")
+
+
+def test_the_highest_of_several_stacks_is_named():
+    heights = [("red", 0.3, 0), ("blue", 0.3, 1), ("cyan", 0.4, 0), ("pink", 0.4, 1), ("green", 0.4, 2)]
+    cubes = [Object("cube", color, (x, 0.1, 0.025 + 0.05 * level)) for color, x, level in heights]
+    outcome = Dialogue().answer("which stack is the highest now?", table(Scene(cubes)))
+    assert outcome.text == "That of the green cube, the pink cube and the cyan cube, which is 3 high."

@@ -116,3 +116,21 @@ def test_an_empty_gripper_is_the_reason_that_is_given(what):
 
 def test_what_is_unstacked_is_not_what_is_held():
     assert moved(outcome_of(STACKED + "pick up the red cube / unstack it again")) == ["red", "blue"]
+
+
+@pytest.mark.parametrize(
+    ("turns", "taken"),
+    [
+        ("pick up the cube on the right / i meant on the left", "red"),
+        ("pick up the right cube / no, the left", "red"),
+        ("pick up the cube on the far left / sorry i meant the far right", "blue"),
+    ],
+)
+def test_a_side_that_is_corrected_is_that_of_the_thing_which_was_named_by_it(turns, taken):
+    last = outcome_of(turns).steps[-1]
+    assert last.takes
+    assert NAMES[last.object] == taken
+
+
+def test_a_side_is_a_place_where_the_thing_was_not_named_by_it():
+    assert moved(outcome_of("pick up the blue cube / i meant to the left")) == ["blue"]

@@ -118,3 +118,21 @@ def test_that_something_was_not_seen_is_no_command():
         == "Yes: I did this: reach the pink cube."
     )
     assert not isinstance(said("reach the pink cube", "i can not see it"), Plan)
+
+
+def test_there_is_what_was_told_last():
+    outcome = said("which one is closest to me?", "go there")
+    assert isinstance(outcome, Plan)
+    assert [step.object for step in outcome.steps] == [CYLINDER]
+
+
+@pytest.mark.parametrize("sentence", ["now move to the left", "go left", "move left please"])
+def test_the_arm_itself_goes_to_no_side(sentence):
+    outcome = said(sentence)
+    assert isinstance(outcome, Refusal)
+    assert "no direction" in outcome.text
+
+
+def test_the_other_side_is_meant_after_a_correction():
+    outcome = said("go to the thing on the far right", "sorry i meant the far left")
+    assert [step.object for step in outcome.steps] == [PINK]

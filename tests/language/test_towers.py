@@ -1,5 +1,6 @@
 """Towers and rows whose order is said, on tables and boards, and towers that are taken apart."""
 
+import numpy as np
 import pytest
 
 from language import Answer, Dialogue, Object, Plan, Refusal, Scene, board, table
@@ -257,3 +258,17 @@ def test_the_lowest_cube_of_a_tower_is_told(world, question, name):
 def test_no_cube_on_another_one_takes_the_towers_apart():
     now = after("i want no cube on another one", on_table(TOWER))
     assert not any(below is not None for below in now.below)
+
+
+def test_them_are_all_of_a_tower_that_was_taken_apart():
+    world = after("take the tower apart / put them in a row", on_table(TOWER))
+    places = np.array([(thing.x, thing.y) for thing in world.things[:3]])
+    assert len({round(world.things[i].bottom, 2) for i in range(3)}) == 1
+    along = np.ptp(places, axis=0)
+    assert along.min() < 0.01 < 0.1 < along.max()
+
+
+def test_the_top_one_is_on_top_of_the_tower_if_there_is_one():
+    dialogue, world = Dialogue(), on_table([(6, 2, 0), (1, 5, 0), (1, 1, 0), (6, 2, 1), (5, 4, 0)])
+    outcome = dialogue.answer("pick up the top one", world)
+    assert [NAMES[step.object] for step in outcome.steps] == ["pink"]
