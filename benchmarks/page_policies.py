@@ -40,7 +40,7 @@ SECTION = "Through the page"  # of a card
 
 def judged_policy(policy: SavedPolicy, count: int, seeds: Sequence[int]) -> dict[str, Any]:
     """Judge a policy as the page takes it: by task, robot and control. Raises ConfigError."""
-    config = make_config(task=policy.task, robot=policy.robot, control=policy.control)
+    config = make_config(task=policy.task, robot=policy.robot, control=policy.control, second_try=False)
     judged: list[JudgedInstruction] = []
     for seed in seeds:
         with closing(Session(config, seed)) as session:

@@ -51,6 +51,7 @@ OBJECTION = re.compile(r"\s*(no|nope|not|wait|stop|don't|hold on)\b", re.IGNOREC
 THIS_HERE = re.compile(r"\b(this|that)( \w+)? (right |over )?(here|there)\b", re.IGNORECASE)  # may be one gesture
 ASKING = re.compile(r"\W*(and |so |hey |ok |okay |but )*(what|which|who|is|are)\b", re.IGNORECASE)
 NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven by hand
+SECOND_TRY = ", in a second try, by the expert"  # of a step, for the person
 
 
 class Session:
@@ -139,6 +140,7 @@ class Session:
         self._subtask: Subtask | None = None
         self._stopped = deque[Subtask]()  # what was to be done when somebody said stop
         self._goes_home = False  # while no subtask is carried out
+        self._tries_again = False
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
         self._other: Actor | None = None  # the expert where the policy drives, or the policy
         self.finger.clear()
@@ -309,9 +311,14 @@ class Session:
 
     @property
     def acting(self) -> str:
-        """Who carries out what is being done: the driver, or the expert for a step that no policy has learned."""
-        by_expert = self._subtask is not None and is_move_of_expert(self._subtask, self.config.driver)
-        return "expert" if by_expert else self.config.driver
+        """Who carries out what is being done: the driver, or the expert in place of a policy that cannot."""
+        by_expert = self._subtask is not None and is_move_of_expert(self._subtask, self._driver)
+        return "expert" if by_expert else self._driver
+
+    @property
+    def _driver(self) -> str:
+        """Who drives: the expert where it tries once more what the policy did not manage."""
+        return "expert" if self._tries_again else self.config.driver
 
     def set_driver(self, driver: str) -> None:
         """Lets the policy, the expert or the hand drive. Raises ConfigError if there is no policy."""
@@ -370,6 +377,7 @@ class Session:
         self._planner.return_targets()
         self._subtasks.clear()
         self._subtask = self._actor = self._other = None
+        self._tries_again = False
         self.episodes.drop()
         self.view.intents = {}
         self._goes_home = False
@@ -394,7 +402,7 @@ class Session:
         self._mark("next", "dropped")
         words = {each.number: self._planner.in_words(each, names) for each in (first, *others)}
         self.view.steps = [ViewStep(words[number]) for number in sorted(words)]
-        self._subtasks, self._goes_home = others, False
+        self._subtasks, self._goes_home, self._tries_again = others, False, False
         self._stopped.clear()
         self._start_subtask(first)
 
@@ -415,7 +423,7 @@ class Session:
         self._show_subtask(subtask)
         self.view.steps[subtask.number].state = "doing"
         self._return.start()
-        if is_correction or self.env.task.traits.continues or is_move_of_expert(subtask, self.config.driver):
+        if is_correction or self.env.task.traits.continues or is_move_of_expert(subtask, self._driver):
             self._return.skip()
         if self._return.is_over:
             self._begin(subtask)
@@ -439,7 +447,7 @@ class Session:
         board.mark(self.env, subtask.move.place if subtask.move and subtask.move.release else None)
         self._state = self.env.give_instruction(subtask.sentence, subtask.referent, subtask.target, subtask.verb)
         self.episodes.begin(self._state, self._words_of(subtask), self.seed)
-        self._actor = actor_of(subtask, self.env, self.config.driver, self._policy)
+        self._actor = actor_of(subtask, self.env, self._driver, self._policy)
         self._other = other_of(self._actor, self.env, self._policy)
         self.view.rewards = dict.fromkeys(self.env.reward_names, 0.0)
 
@@ -530,14 +538,24 @@ class Session:
         self.episodes.end(ending == "success", self.acting)
         self.view.outcome_counts[ending] += 1
         seconds = self.env.elapsed[0] * self.period
+        if ending != "success" and self._subtask is not None and self._may_try_again():
+            self._tries_again = True
+            self.view.steps[self._subtask.number].words += SECOND_TRY
+            self._start_subtask(self._subtask)
+            return
         if ending == "success":
             self._mark("doing", "done")
+            self._tries_again = False
         if ending == "success" and self._subtasks:
             self._start_next()
             return
         self._end(f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}.")
         if ending == "success" and self._dialogue.homeward:
             self._go_home()
+
+    def _may_try_again(self) -> bool:
+        """Whether the expert may try what has just failed."""
+        return self.config.second_try and self.acting == "policy" and self.arm is None
 
     def close(self) -> None:
         """Closes the environment."""

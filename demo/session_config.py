@@ -34,6 +34,7 @@ DEFAULTS: dict[str, Any] = {
     "objects": None,
     "driver": "policy",
     "checkpoint": None,
+    "second_try": True,
     "overrides": [],
 }
 
@@ -47,6 +48,7 @@ class SessionConfig(Checked):
     objects: number of objects that can be the referent; None: as many as the task has.
     driver: who drives the robot, one of DRIVERS.
     checkpoint: run directory, checkpoint file or pretrained policy; None: the pretrained policy that fits, if any.
+    second_try: whether the expert tries once more what the policy did not manage; never where a real arm is driven.
     overrides: of any other key of the environment's config, as in `train.py`.
     """
 
@@ -57,6 +59,7 @@ class SessionConfig(Checked):
     objects: int | None = within(1, MOST_OBJECTS)
     driver: str = one_of(*DRIVERS)
     checkpoint: str | None = any_path()
+    second_try: bool
     overrides: list[str] = checked_by("core.overrides.check")
 
     def __post_init__(self) -> None:

@@ -219,6 +219,6 @@ def session_config(study: StudyConfig, condition: ConditionConfig | None, scene:
     try:
         check_choices(values)
         driver = "expert" if condition is None else condition.driver
-        return make_config(**values, driver=driver, workspace=scene.workspace, objects=scene.objects)
+        return make_config(**values, driver=driver, workspace=scene.workspace, objects=scene.objects, second_try=False)
     except (ConfigError, OSError, LookupError) as error:
         raise ConfigError(f"{key}: {error}") from None

@@ -1,5 +1,7 @@
 """Sessions with real environments, driven by scripted experts."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -369,3 +371,20 @@ def test_what_the_policy_has_not_learned_the_expert_does_and_undoes(trained):
         trained.say("undo")
         assert run_to_end(trained).startswith("Done")
     assert np.allclose(trained.scene().positions[loose[:2]], starts[loose[:2]], atol=0.03)
+
+
+@pytest.mark.parametrize("second_try", [True, False])
+def test_the_expert_tries_once_what_the_policy_did_not_manage(second_try):
+    with closing(Session(make_config(second_try=second_try), seed=0)) as session:
+        session._policy = lambda state: state.set("action", session.env.hold_action())
+        sentence = session.sayable()[0]
+        session.say(sentence)
+        assert session.acting == "policy"
+        ended = run_to_end(session)
+        assert ended.startswith("Done") == second_try
+        assert session.view.outcome_counts["out of time"] == 1
+        assert session.view.outcome_counts["success"] == second_try
+        (step,) = session.view.steps
+        assert step.words.endswith("in a second try, by the expert") == second_try
+        session.say(sentence)
+        assert session.acting == "policy"
