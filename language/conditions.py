@@ -41,6 +41,10 @@ _NOTHING = re.compile(  # "otherwise leave it alone"
     r"|do nothing|nothing|never mind|wait|stop"
     r"|do not (?:do anything|bother|move|touch it))$"
 )
+_IF_SO = re.compile(  # "can you reach it? if so, grab it"
+    r"^(?:(?:can|could) you )?(?:please )?([^?.;,]+?)(?: [?.;,])+ if (?:so|yes|you can|that works)"
+    r"(?: ,)?(?: then| please)*(?: do (?:so|it|that) and)?(?= )"
+)
 _STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
 _INVERTED = re.compile(r"^(should|must|may|can|shall) (.+?) (go|be|stand|lie|come|move|get)\b")  # "only if ..."
 _SOMEBODY = re.compile(
@@ -189,10 +193,11 @@ class Conditions(Replies):
             return None
         trial, notes = self.copy(), []
         left: tuple[str, ...] = ()
-        text = trial._without_lead(plain_start(sentence).replace(" 's ", " is "))
+        plain = plain_start(sentence).replace(" 's ", " is ")
+        text = trial._without_lead(_IF_SO.sub(r"\1 , then", plain))
         for number in range(MOST):
             found = conditional(text)
-            if found is None and not number:
+            if found is None and not number and not _IF_SO.match(plain):
                 return None
             if found is None:
                 break

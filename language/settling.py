@@ -116,7 +116,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
-    settled_by = [c for c in found.failed if c.plan.reason == "never" or _is_so(c)]  # whatever else might be meant
+    settled_by = [c for c in found.failed if c.plan.reason == "never" or _is_so(c) or _tidies(c)]  # whatever else fits
     if not world.cells and any(c.cost < top.cost for c in settled_by):
         return refused(sentence, found._replace(failed=settled_by), world)
     impossible = [c for c in found.failed if c.plan.reason == "impossible" and not c.reading.unused]
@@ -167,6 +167,12 @@ def crowded(found: Choices) -> list[Choice]:
 def _is_so(choice: Choice) -> bool:
     """Whether what a whole sentence asks for is so already."""
     return choice.plan.reason == "already" and not choice.reading.unused
+
+
+def _tidies(choice: Choice) -> bool:
+    """Whether several things shall go where nobody says."""
+    clause = choice.reading.steps[-1]
+    return clause.act is Act.TIDY and clause.entity is not None and clause.entity.plural and not choice.reading.unused
 
 
 def _changes_roles(close: list[Choice], planner: Planner) -> bool:

@@ -446,7 +446,9 @@ class Steps:
         if not found:
             anchor = places[0].anchors[0] if places[0].anchors else clause.entity
             reason = "impossible" if anchor is not None and anchor.kind == "it" else "nowhere"
-            yield replace(plan, failure="no place fits", reason=reason, entity=anchor)
+            own = reason == "impossible" and plan.it[:1] in ((), (index,))
+            why = "nothing goes on, in or next to itself" if own else "no place fits"
+            yield replace(plan, failure=why, reason=reason, entity=anchor)
         for spot in found[:KEPT]:
             yield self._put(plan, clause, index, spot)
 

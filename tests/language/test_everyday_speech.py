@@ -252,3 +252,18 @@ def test_it_and_there_mean_what_the_same_sentence_named(sentence, state, steps):
 
 def test_the_outermost_one_that_is_moved_is_a_loose_thing():
     assert done("move the rightmost one over to the left side of the table") == ["pick_and_place blue"]
+
+
+def test_what_is_asked_first_is_done_if_it_can_be():
+    steps = done("can you open the drawer? if so do it and put the red cube in it")
+    assert steps == ["open drawer", "put_in red drawer"]
+
+
+def test_many_things_that_shall_go_away_need_a_place():
+    outcome = said("put all the cubes away")
+    assert isinstance(outcome, Question)
+    assert "where" in outcome.text
+
+
+def test_nothing_goes_on_itself():
+    assert said("stack the red cube on itself").text.startswith("nothing goes on")
