@@ -258,7 +258,14 @@ _TAGGED = (  # without a comma not "and I want to have it"
     r"(?: , (?:is|are|do|did|does|have|has|was|were|can)| (?:is|are|did|does|was|were)) "
     r"(?:not )?(?:you|it|they|he|that|there)(?: not)?"
 )
+_ASKER = r"(?:someone|everyone|my \w+|grand\w+|mum|mom|dad)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
+    (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
+    (r"why you (?:do|would|could|can) not (.+)", r"why do not you \1"),
+    (r"where (?:it is|they are) (.+)", r"where is \1"),
+    (r"how much ((?:cubes|blocks|things|objects|pieces)) there (?:is|are) (.+)", r"how many \1 are there \2"),
+    (r"how much ((?:cubes|blocks|things|objects|pieces)\b.*)", r"how many \1"),
+    (r"(how many \w+) there (?:is|are) (.+)", r"\1 are there \2"),
     (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?(.+?){_TAGGED}", r"\2 \1 \3"),
     (r"(is|are|was|were|does|did|has) not (.+)", r"\1 \2"),
     (r"(?:and )?(?:what )?(?:about |was |came |happened |did you do )?before that", "what did you do before that"),

@@ -38,6 +38,7 @@ from language.objects import Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import CARRY, Planner
 from language.questions import Questions
+from language.recalling import without_names
 from language.remarks import asks_nothing, is_chat
 from language.remarks import command as command_word
 from language.replies import LITTLE
@@ -113,6 +114,7 @@ class Dialogue(Conditions):
     def _recalling(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
         """Return the outcome of a sentence that may tell things and places by what was said and done before."""
         text, places = (sentence, ()) if self.control_word(sentence) else self.recalled(sentence)
+        text = without_names(text)
         outcome = self._answer(text, (*made, *places))
         return outcome if text == sentence else replace(outcome, sentence=sentence, unused=(), span=(0, len(sentence)))
 

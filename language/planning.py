@@ -118,13 +118,19 @@ class Planner(Several):
         else:
             for mover in self._movers(plan, clause):
                 done = [mover] if mover.failure or mover.mover is None else self._act(mover, clause)
-                yield from (self._spoken(each, mover.mover) if mover.mover is not None else each for each in done)
+                yield from (self._spoken(each, mover, clause) if mover.mover is not None else each for each in done)
             if clause.entity is not None and clause.entity.is_bare_plural:
                 yield from self._all(plan, clause, clause.entity)
 
-    def _spoken(self, plan: Draft, mover: int) -> Draft:
-        """Return the plan with what "it" and "in there" mean after a clause."""
+    def _spoken(self, plan: Draft, moved: Draft, clause: Clause) -> Draft:
+        """Return the plan with what "it" and "in there" mean after a clause. moved: before it, with its mover."""
+        mover = moved.mover
+        assert mover is not None
         boxes = [each for step in plan.steps[-1:] for each in (step.object, step.goal) if each in self.world.containers]
+        beside = [anchor for each in getattr(clause.entity, "relations", ()) for anchor in each.anchors if anchor.noun]
+        if not boxes and plan.box is None and beside:  # "take the one nearest to the drawer and drop it in"
+            named = self.resolver(moved.world, moved.it, None).resolve(beside[-1])
+            boxes = [i for ref in named[:1] for i in ref.things if i in self.world.containers]
         box = mover if mover in self.world.containers else boxes[-1] if boxes else plan.box
         return replace(plan, it=(mover,), box=box, topic=None)
 

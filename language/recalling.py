@@ -212,3 +212,37 @@ def is_done(step: Step, acts: frozenset[Act]) -> bool:
         return True
     moves = {Act.CARRY, Act.LOWER, Act.GIVE, Act.BUILD, Act.STORE, Act.SWAP, Act.GATHER, Act.EMPTY}
     return step.carries if step.carries and acts & moves else step.act in acts
+
+
+_NAME = re.compile(
+    r"(?<![\w'-])(?!(?:She|He|They|You|We|It|This|That|There|Who|What|One|Everyone|Nobody|Somebody|Someone)\b)"
+    r"(?P<name>[A-Z][a-z]{2,}|(?i:grand(?:pa|ma|dad|mum|father|mother)|mum|mom|daddy|mummy))(?P<own>'s)?\b"
+)
+_TELLS = re.compile(
+    r"\W+(?:needs?|wants?|likes?|loves?|hates?|asks?|asked|said|says|told|thinks?|will|would|can|is|has|and)\b"
+)
+_THAT_IS = re.compile(r",?\s*\b(?:i\.\s?e\.|that is to say|namely),?\s*")
+
+
+def without_names(sentence: str) -> str:
+    """Return a sentence with "my friend", "me" and "my" for what can only be names of people: "for Lisa"."""
+    sentence = _THAT_IS.sub(", ", sentence)
+    if sentence.istitle() or sentence.isupper():
+        return sentence
+    known = vocabulary()
+
+    def plain(match: re.Match[str]) -> str:
+        name, before, after = match["name"], sentence[: match.start()], sentence[match.end() :]
+        first = not before.strip() or before.rstrip()[-1] in ".!?:;"
+        family = name[0].islower() or name.lower().startswith(("grand", "mum", "mom"))
+        if name.lower() in known or (first and not family and not match["own"] and not _TELLS.match(after)):
+            return match[0]
+        if re.search(r"\b(?:the|a|an|this|that)\s+$", before, re.I):
+            return match[0]
+        if match["own"]:
+            return "my"
+        if before.rstrip().endswith(",") and not after.strip(" .!?\n"):  # who is spoken to, or who signs
+            return match[0]
+        return "me" if re.search(r"\b(?:for|to)\s+$", before, re.I) else "my friend"
+
+    return re.sub(r"\bmy friend and I\b", "we", _NAME.sub(plain, sentence))

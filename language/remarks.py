@@ -23,7 +23,8 @@ _PLACE = (
     r"|together|closer)"
 )
 _PERSON = (
-    r"(?:i|we|he|she|they|you|someone|somebody|everyone|everybody|anyone|anybody|nobody|no one|there|this|it|something"
+    r"(?:i|we|he|she|they|you|that(?= (?:leaves|makes|gives|means|keeps|saves)\b)"
+    r"|someone|somebody|everyone|everybody|anyone|anybody|nobody|no one|there|this|it|something"
     r"|(?:my|his|her|our|your|their|a|an|some|another|these|those) (?:\w+ ){0,1}\w+|whoever)"
 )
 _IS = r"(?:'s|is|are|was|were|am|has|have|had|will|would|may|might|looks?|seems?|feels?|stands?)"
@@ -31,13 +32,13 @@ _DOES = (
     rf"(?:{_IS}|likes?|loves?|hates?|forgot|put|bought|found|saw|left|thinks?|came|comes?|went|wants?|needs?|told|said"
     r"|says|promise|hopes?|knows?|bet|keeps?|gets?|got|makes?|made|(?:do|does|did|can|could) not|can|could|did|lost"
     r"|spilt|see|cannot|play|plays|cleans?|cook|work|wipe|watch|trust|read|sleep|melts?|spoils?|trips?|ran|runs?|just"
-    r"|already|still|always|never|really|[a-z]{3,}ed)"
+    r"|arrives?|leaves?|wakes?|returns?|starts?|begins?|will|already|still|always|never|really|[a-z]{3,}ed)"
 )
 _REMARK = re.compile(
     r"^(?:(?:but|and|so|that|because|since|now|well|also|or|else|as|before|until|in case|otherwise|when|after) )*"
     rf"(?:{_PERSON} {_DOES}|everything [a-z]{{3,}}s|(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+)? {_IS}"
     rf"|{_THING}(?: {_THING})? {_IS}"
-    rf"|(?!{_THING}\b)[a-z]\w+ (?:keeps?|wants?|likes?|says|said|thinks|hates|loves))\b"
+    rf"|(?!{_THING}\b)[a-z]\w+ (?:keeps?|wants?|likes?|says|said|thinks|hates|loves|arrives?|comes?|leaves?|wakes?))\b"
 )
 _LEAD = (
     r"(?:(?:and|then|so|no|yes|please|to|just|now|but|or|at least|better|first|second|finally|next|also|simply|only"
@@ -203,6 +204,7 @@ def asks_nothing(text: str) -> bool:
 
 def tells_of(text: str) -> bool:
     """Whether a part tells or asks how something is, so that it may say what "it" means: "you see the red cube"."""
+    text = re.sub(r"\b(?:go|goes) (?:bad|off|wrong|cold|warm|sour)\b", "spoils", text)
     if re.search(rf"{_OBLIGED}|{_WISH}|\b(?:if|unless|not|never|only|wrong|instead|mistake)\b", text):
         return False
     return bool(_REMARK.match(text) or _TELLS.match(text))

@@ -116,7 +116,10 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
-    settled_by = [c for c in found.failed if c.plan.reason == "never" or _is_so(c) or _tidies(c)]  # whatever else fits
+    tidying = [c for c in found.failed if _tidies(c, top)]
+    moves = any(c.reading.steps[-1].act is Act.CARRY and not c.reading.unused for c in found.failed)
+    never = [c for c in found.failed if c.plan.reason == "never" and not (moves and c.plan.failure == "unturnable")]
+    settled_by = [*tidying, *never, *(c for c in found.failed if _is_so(c))]  # whatever else might be meant
     if not world.cells and any(c.cost < top.cost for c in settled_by):
         return refused(sentence, found._replace(failed=settled_by), world)
     impossible = [c for c in found.failed if c.plan.reason == "impossible" and not c.reading.unused]
@@ -169,10 +172,12 @@ def _is_so(choice: Choice) -> bool:
     return choice.plan.reason == "already" and not choice.reading.unused
 
 
-def _tidies(choice: Choice) -> bool:
-    """Whether several things shall go where nobody says."""
-    clause = choice.reading.steps[-1]
-    return clause.act is Act.TIDY and clause.entity is not None and clause.entity.plural and not choice.reading.unused
+def _tidies(choice: Choice, top: Choice) -> bool:
+    """Whether several things shall go "away", where nobody says. top: the plan that would move one a bit away."""
+    clause, other = choice.reading.steps[-1], top.reading.steps[-1]
+    several = clause.entity is not None and clause.entity.plural and not choice.reading.unused
+    aside = other.places and all(place.name == "direction" for place in other.places)
+    return clause.act is Act.TIDY and several and bool(aside)
 
 
 def _changes_roles(close: list[Choice], planner: Planner) -> bool:

@@ -267,3 +267,49 @@ def test_many_things_that_shall_go_away_need_a_place():
 
 def test_nothing_goes_on_itself():
     assert said("stack the red cube on itself").text.startswith("nothing goes on")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "steps"),
+    [
+        ("Please fetch the thing from the drawer for Paul", ["hand_over red hand"]),
+        (
+            "bring me the cyan block, please, Maria needs it for her picture.",
+            ["hand_over cyan hand"],
+        ),
+        ("Could you kindly put Sophie's blue block in the drawer?", ["put_in blue drawer"]),
+        ("Anna asked for it: press the gray button, please", ["press button"]),
+    ],
+)
+def test_names_of_people_say_nothing_about_the_scene(sentence, steps):
+    state = "I" if "drawer for" in sentence else "B"
+    assert [step for step in done(sentence, state) if not step.startswith("take_out")] == steps
+
+
+def test_what_people_ask_for_others_is_answered():
+    assert isinstance(said("Grandpa asked where the red cube is"), Answer)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("Turn a little the wheel", "A", ["turn wheel"]),
+        ("Press one time the button that is gray", "A", ["press button"]),
+        ("Bring out what is laying in the fridge", "I", ["hand_over yellow hand"]),
+        ("the drawer should be closed with the gray block inside", "B", ["put_in gray drawer", "close drawer"]),
+        ("The cyan block should not have anything on top of it.", "S", ["pick_and_place blue"]),
+        ("Pick the blue block nearest to the drawer and drop it in", "B", ["put_in blue drawer"]),
+        ("be careful and press the button", "A", ["press button"]),
+        (
+            "the fridge has been open for ages and the milk will go bad, so please shut it",
+            "F",
+            ["close fridge"],
+        ),
+    ],
+)
+def test_what_people_say_in_their_own_english_is_done(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+def test_why_a_thing_cannot_go_so_far_is_the_reach_and_not_the_verb():
+    assert "outside what the arm reaches" in said("shift the blue cube 20 cm to the right").text
