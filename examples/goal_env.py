@@ -32,6 +32,7 @@ from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Un
 
 from core.overrides import compose
 from envs.episode_replay import EpisodeReplayEnv
+from train import choose_compilation
 from trainers.config import read_training
 from trainers.run.progress import Progress
 from trainers.run.train_loop import fit
@@ -265,7 +266,7 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--folder", type=Path, default=Path("outputs/goal_env"))
     args = parser.parse_args(words)
     config = compose(["task=reach", "policy=mlp", "eval.video_episodes=0", *args.overrides])
-    training = read_training(config)
+    training = choose_compilation(config, read_training(config))
     with Progress(training.run.total_frames) as progress:
         result = fit(
             training,

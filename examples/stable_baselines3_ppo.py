@@ -31,7 +31,7 @@ import envs  # noqa: F401  registers the ids
 from language import Tokenizer
 from language.embedding import PHRASE_WIDTH, PHRASES
 
-PLACE, COLOR, SHAPE = slice(0, 3), slice(7, 10), slice(11, 14)  # columns of a row of `objects`
+PLACE, COLOR, SHAPE, ROLE = slice(0, 3), slice(7, 10), slice(11, 14), slice(15, 16)  # columns of a row of `objects`
 SCALE, SHARP = 5.0, 4.0  # offsets of 0.2 m count as 1; factor of how an object fits
 MEANT = {  # along x, y and z, and away from the object of the phrase that follows
     "left": (0.0, 1.0, 0.0, 0.0),
@@ -52,11 +52,16 @@ class Slots(BaseFeaturesExtractor):
     An object's score is how it fits the first phrase of the sentence, unless it fits another phrase, plus its offsets
     and distances from the objects that fit the others, and from the middle of all. Their weights are linear in the
     words; they begin with what `MEANT` says and are learned.
+
+    Args:
+        space: of the observations.
+        places: how many further phrases name see-through targets, whose rows and offsets are features, too.
     """
 
-    def __init__(self, space: gymnasium.spaces.Dict) -> None:
+    def __init__(self, space: gymnasium.spaces.Dict, places: int = 0) -> None:
         robot, columns = space["robot"].shape[0], space["objects"].shape[1]
-        super().__init__(space, robot + 3 + columns)
+        super().__init__(space, robot + (1 + places) * (3 + columns))
+        self.places = places
         joints = (robot - 10) // 2
         self.gripper = slice(2 * joints, 2 * joints + 3)
         self.weights = nn.Linear(space["instruction"].shape[0], 4 * PHRASES)
@@ -74,6 +79,9 @@ class Slots(BaseFeaturesExtractor):
         rows, shown, robot = observation["objects"], observation["objects_mask"].bool(), observation["robot"]
         phrases = observation["instruction"][:, : PHRASES * PHRASE_WIDTH].unflatten(1, (PHRASES, PHRASE_WIDTH))
         fits = self.fits(rows, phrases)  # (B, K, P), 0 where it fits
+        if self.places:
+            role = rows[..., ROLE]  # 1 for a target
+            fits = fits - torch.cat((role, (1 - role).expand(-1, -1, PHRASES - 1)), -1)
         attention = fits.mul(SHARP).masked_fill(~shown[..., None], -1e9).softmax(1)
         others = attention[..., 1:].transpose(1, 2) @ rows[..., PLACE]  # (B, P - 1, 3)
         middle = (rows[..., PLACE] * shown[..., None]).sum(1) / shown.sum(1, keepdim=True)
@@ -82,8 +90,11 @@ class Slots(BaseFeaturesExtractor):
         places = (said * torch.cat((offsets, offsets.norm(dim=-1, keepdim=True)), -1)).flatten(2)
         meant = fits[..., 0] - (attention[..., 1:] * said[..., :-1, 0]).sum(-1)
         scores = SHARP * meant + (places @ self.weights(observation["instruction"])[..., None])[..., 0]
-        row = (scores.masked_fill(~shown, -1e9).softmax(1)[..., None] * rows).sum(1)
-        return torch.cat((robot, SCALE * (row[:, PLACE] - robot[:, self.gripper]), row), 1)
+        chosen = scores.masked_fill(~shown, -1e9).softmax(1)[..., None]
+        shares = torch.cat((chosen, attention[..., 1 : 1 + self.places]), -1)  # (B, K, 1 + places)
+        found = shares.transpose(1, 2) @ rows
+        offsets = SCALE * (found[..., PLACE] - robot[:, None, self.gripper])
+        return torch.cat((robot, torch.cat((offsets, found), -1).flatten(1)), 1)
 
     @staticmethod
     def fits(rows: Tensor, phrases: Tensor) -> Tensor:
@@ -111,18 +122,28 @@ class WorldsVecEnv(VecEnv):
 
     Args:
         worlds: a VectorEnv with `autoreset_mode="SameStep"`.
+        flat: whether an observation is one vector, for policies that take no dictionary.
     """
 
-    def __init__(self, worlds: gymnasium.vector.VectorEnv) -> None:
-        self.worlds, self._seed = worlds, None
+    def __init__(self, worlds: gymnasium.vector.VectorEnv, flat: bool = False) -> None:
+        self.worlds, self._seed, self._flat = worlds, None, flat
         self.render_mode = worlds.render_mode
-        super().__init__(worlds.num_envs, worlds.single_observation_space, worlds.single_action_space)
+        space = worlds.single_observation_space
+        space = gymnasium.spaces.flatten_space(space) if flat else space
+        super().__init__(worlds.num_envs, space, worlds.single_action_space)
+
+    def _read(self, observation: dict[str, Any], count: int) -> Any:
+        """Return the observation of `count` worlds."""
+        if not self._flat:
+            return observation
+        parts = [observation[key] for key in self.worlds.single_observation_space]
+        return np.concatenate([np.asarray(part, np.float32).reshape(count, -1) for part in parts], axis=1)
 
     def reset(self) -> Any:
         """Begin an episode in each world."""
         observation, _ = self.worlds.reset(seed=self._seed)
         self._seed = None
-        return observation
+        return self._read(observation, self.num_envs)
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """Seed the next `reset`."""
@@ -140,11 +161,15 @@ class WorldsVecEnv(VecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(ended):
             infos[i] = {
-                "terminal_observation": given["final_obs"][i] if "final_obs" in given else None,
+                "terminal_observation": self._final(given, i),
                 "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
                 "is_success": bool(given["final_info"]["is_success"][i]),
             }
-        return observation, rewards.astype(np.float32), ended, infos
+        return self._read(observation, self.num_envs), rewards.astype(np.float32), ended, infos
+
+    def _final(self, given: dict[str, Any], world: int) -> Any:
+        final = given["final_obs"][world] if "final_obs" in given else None
+        return self._read(final, 1)[0] if self._flat and final is not None else final
 
     def close(self) -> None:
         """Free the worlds."""

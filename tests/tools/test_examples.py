@@ -40,6 +40,21 @@ def test_stable_baselines3_learns_for_a_few_batches(capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("env", ["Deixis/NLPush-v0", "Deixis/Reach-v0"])
+@pytest.mark.parametrize("learner", ["sb3-ppo", "sb3-sac", "sbx-ppo", "sbx-sac"])
+def test_others_learn_with_words_and_with_goals(env, learner, capsys, monkeypatch):
+    pytest.importorskip("stable_baselines3")
+    pytest.importorskip("sbx" if learner.startswith("sbx") else "stable_baselines3")
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    example("other_learners").main([env, learner, "--frames", "2048", "--interval", "2048", "--episodes", "4"])
+    settings, *_, row = (json.loads(line) for line in capsys.readouterr().out.splitlines() if line.startswith("{"))
+    assert set(settings) == {"settings"}
+    assert row["frames"] == 2048
+    assert 0 <= row["success"] <= 1
+    assert row["evaluating"] > 0
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["lerobot", "minari"])
 def test_a_recording_is_imitated(kind, tmp_path, monkeypatch):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
