@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
-from language.acts import CONDITION, Part
+from language.acts import CONDITION, Part, parts_of
 from language.meanings import Gesture
 from language.normalise import plain_start
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
@@ -54,6 +54,10 @@ _SOMEBODY = re.compile(
 _PLACE = re.compile(r"\b(?:on|in|into|onto|inside|from|out of|behind|under|to|of)\b")
 _NAMED = re.compile(rf"\b(?:{COLOR}) (?:one|{THING})\b|\b(?:{THING})\b")
 _SPOKEN = re.compile(r"\b(?:it|they|that|them|there)\b")
+
+_FIRST_DO = re.compile(
+    rf"(?:(?:then|so|okay|ok|well|no|please|just|,) )*(?P<do>(?:{verb_words()})\b.+?) first(?: then)?"
+)
 
 
 class Conditional(NamedTuple):
@@ -167,6 +171,30 @@ class Conditions(Replies):
         """Return a dialogue with the same memory, to try a sentence."""
         raise NotImplementedError
 
+    def _of_turns(self, sentence: str, text: str, made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return what comes of a sentence that only goes on from the turns before. text: its words."""
+        found = self._restored(sentence, text) or self._raised(sentence, text) or self._nearer(sentence, text)
+        found = found or self._unheld(sentence, text) or self._first(sentence, text, made)
+        return found or self._of_those(sentence, made)
+
+    def _first(self, sentence: str, text: str, made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return the plan of "take it out first" after a refusal, and of what was refused, if that is possible then.
+
+        text: the words of the sentence.
+        """
+        match, last = _FIRST_DO.fullmatch(text), self.turns[-1].outcome if self.turns else None
+        if match is None or not isinstance(last, Refusal):
+            return None
+        trial = self.copy()
+        outcome = trial._command(match["do"], made)
+        if not isinstance(outcome, Plan) or last.reading is None:
+            return outcome
+        trial.remember(outcome, self.now)
+        after = trial._settle(sentence, last.reading)
+        if not isinstance(after, Plan):
+            return outcome
+        return replace(after, steps=(*outcome.steps, *after.steps), notes=(*outcome.notes, *after.notes))
+
     def _about_topic(self, sentence: str, parts: Sequence[Part], made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the plan of a sentence that first says what it is about: "you see the red cube? pick it up"."""
         for at in range(1, len(parts)):
@@ -182,6 +210,22 @@ class Conditions(Replies):
                 asked = isinstance(outcome, Question) and bool(outcome.choices)
                 return outcome if asked or isinstance(outcome, Plan) else None
         return None
+
+    def _of_those(self, text: str, made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return the plan of what is said after an answer with the thing that it names: "the cube, hand it to me"."""
+        asked, parts = self.open_question(), parts_of(text)
+        told = " ".join(parts[0].words) if len(parts) > 1 else ""
+        rest = text[parts[0].end :].lstrip(" ,;:.!?-") if told else ""
+        if asked is None or not command_word().match(" ".join(parts[-1].words)) or command_word().match(told):
+            return None
+        entity = phrase(self.now, self.planner(), scan(told))[0] if re.search(r"\bit\b", rest.lower()) else None
+        meant = self._meant(self.planner(), entity, asked.candidates) if entity is not None and asked.candidates else []
+        if len(meant) != 1:
+            return None
+        trial = self.copy()
+        trial.it, trial.turns = (meant[0],), [turn for turn in self.turns if turn.outcome is not asked]
+        outcome = trial._command(rest, made)
+        return outcome if isinstance(outcome, Plan) else None
 
     def _told_of(self, text: str) -> list[int]:
         refs = phrase(self.now, self.planner(), scan(text))[1]

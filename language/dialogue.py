@@ -153,8 +153,7 @@ class Dialogue(Conditions):
         _, end = beside_home(text)
         text, homeward = text[:end], end < len(text)
         plain = " ".join(token.text for token in scan(text) if token.text not in ".,!?")
-        found = self._restored(text, plain) or self._raised(text, plain) or self._nearer(text, plain)
-        found = found or self._unheld(text, plain) or self._command(self._reordered(plain) or text, made)
+        found = self._of_turns(text, plain, made) or self._command(self._reordered(plain) or text, made)
         outcome = replace(found, sentence=sentence)
         if homeward and isinstance(outcome, Plan) and outcome.steps:
             self.homeward = True

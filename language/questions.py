@@ -102,6 +102,7 @@ class Questions(Comparisons):
         asked = re.sub(
             r"^what (?:do|have) (?:you|we) (?:have|got|keep) (?=(?:in|inside|on|under) (?!your|my))", "what is ", asked
         )
+        asked = re.sub(r"^((?:what|which|who|where|how|is|are)\b.*) again$", r"\1", asked)  # "where is it again?"
         asked = re.sub(r"^(what|which|who) all (?!\w+ing\b)", r"\1 ", asked)
         asked = re.sub(rf"\b(round|square) ({COLOR}) (?=(?:thing|one|object)s?\b)", r"\2 \1 ", asked)
         for kind, pattern in questions():
@@ -335,6 +336,7 @@ class Questions(Comparisons):
         if found is None:
             return self.exists(match)
         things, stated, head, rest = found
+        things = self._others(things, head)
         if not things:
             return f"no: there is no {_plain(re.sub(r'^there (?:an? |any |some )?', '', head))} here"
         fits = [i for i in things if stated.holds(i)]
@@ -353,6 +355,11 @@ class Questions(Comparisons):
         self.things = (fits if fits and not every else things)[:3]
         told = "; ".join(self._told(i, stated.about) for i in self.things)
         return told if re.search(r" or (?!not\b)", text) else f"{'yes' if yes else 'no'}: {told}"
+
+    def _others(self, things: list[int], text: str) -> list[int]:
+        """Return things without what was spoken of last, if a question is about anything else."""
+        spoken = (*self.planner.it[:1], self.world.held)
+        return [i for i in things if i not in spoken] if re.search(r"\belse\b", text) else things
 
     def _either(self, match: re.Match[str]) -> str | None:
         """Say which of two is so: "is the red one left or right of the yellow one?"."""
@@ -426,7 +433,7 @@ class Questions(Comparisons):
             known = entity is not None and (noun or entity.superlative or entity.ordinal)
             fits = [i for i in fits if self.world.is_loose(i)] or fits
             return self.names(fits) if known and fits else None
-        fits = [i for i in things if stated.holds(i)]
+        fits = [i for i in self._others(things, match[0]) if stated.holds(i)]
         if stated.about == "place" and not negated:
             fits = [i for i in fits if self.world.is_loose(i)] or fits
         self.things = fits

@@ -10,7 +10,7 @@ from functools import reduce
 
 from language import costs
 from language.acts import act_of
-from language.meanings import Clause, Entity, Measure, Reading, RelationPhrase
+from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
@@ -42,7 +42,8 @@ _AS_FIRST = re.compile(
 _ALL_BACK = re.compile(
     r"^(?:please |now |and |then |just |can you |could you )*(?:(?:reset|restore|undo|revert|rewind) "
     rf"(?:{_ALL}|all (?:of )?(?:it|that|this)|original \w+)"
-    rf"|put {_ALL} back(?: again)?(?: (?:where|how|as|like|way) (?:it|they|everything) (?:was|were))?)"
+    rf"|put (?:{_ALL}|them all|all (?:of )?(?:them|these|those)) back(?: again)?"
+    r"(?: (?:where|how|as|like|way) (?:it|they|everything) (?:was|were))?)"
     r"(?: please| again)*$"
 )
 _THING_BACK = re.compile(
@@ -61,10 +62,12 @@ _LEVEL = re.compile(  # of a tower that was asked for
     rf"(?P<thing>(?:{COLOR})(?: one| cube| block)?)(?: (?:should|must|shall|has to|to|be|is|goes|go|needs|stays))*"
     r" (?:at|on|to|as) (?P<level>bottom|top|very bottom|very top|base)(?: (?:instead|rather|please))*$"
 )
+_OPPOSITE = re.compile(r"\b(?:(?:diagonally )?opposite|diagonal) corner(?: (?:of table|to (?:it|that)))?\b")
 _NEARER = re.compile(
     r"^(?:(?:please|now|and|no|okay|but|just|then|can you|could you|go|move|bring|put|get|make|push|it|that|a|bit"
     r"|little|tad|notch|touch|tiny|much|way|some|even|more|slightly|far|not|so|too|still|again) )*"
-    r"(?P<how>closer|nearer|(?:further|farther) (?:away|apart|off))"
+    r"(?P<how>closer|nearer|(?:is )?(?:still )?not (?:quite |nearly )?(?:close|near) enough"
+    r"|(?:further|farther) (?:away|apart|off))"
     r"(?: (?:together|to it|to that|from it|from that|please|now|a bit|a little|again|still|than that))*$"
 )
 _HELD = re.compile(
@@ -114,8 +117,21 @@ class Replies(Recollections):
         if world.held is not None and clause.entity is None and not world.cells:
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
         restore = reply.rejects and (clause.entity is not None or world.cells)
+        reply = replace(reply, steps=(replace(clause, entity=self._alike(clause.entity)), *reply.steps[1:]))
         meant = revised(self._beside_chosen(self.last), reply)
         return self._tried(sentence, meant if reply.rejects else [self._higher(each) for each in meant], found, restore)
+
+    def _alike(self, said: Entity | None) -> Entity | None:
+        """Return a phrase such as "the cyan one" as one for the kind of thing that was named before, if one fits."""
+        last, things = self.last.steps[-1].entity if self.last is not None else None, self.now.things
+        if said is None or said.kind != "thing" or said.noun is not None or not said.colors or last is None:
+            return said
+        pin = last.pointed.things[:1] if isinstance(last.pointed, Gesture) else ()
+        alike = replace(said, noun=last.noun or next((things[i].kind for i in pin), None))
+        fits = alike.noun is not None and any(
+            ref.things for ref in self.planner().resolver(self.now, (), None).resolve(alike)
+        )
+        return alike if fits else said
 
     def _beside_chosen(self, last: Reading) -> Reading:
         """Return the last reading with the thing that its place was beside: the one that was chosen."""
@@ -198,10 +214,12 @@ class Replies(Recollections):
         return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=why, suggestions=offers(world))
 
     def _reordered(self, text: str) -> str | None:
-        """Return what "I want blue at the bottom" asks for after a tower was asked for; None for other words.
+        """Return what "blue at the bottom" asks for after a tower, "the opposite corner" after a place; or None.
 
         text: the words of the sentence.
         """
+        if (corner := self._opposite_corner(text)) is not None:
+            return corner
         match = _LEVEL.match(text)
         last = self.last.steps[-1] if self.last is not None else None
         if match is None or last is None or last.act is not Act.BUILD or self.now.flat_only:
@@ -210,6 +228,18 @@ class Replies(Recollections):
         if self.it and not any(ref.things[-1] in self.it for ref in named if ref.things):  # the tower grows
             return None
         return f"stack them all, {match['thing']} at the {match['level']}"
+
+    def _opposite_corner(self, text: str) -> str | None:
+        """Return plain words with the corner that is opposite the place where something was put last; or None."""
+        match, done, world = _OPPOSITE.search(text), self.done(), self.now
+        at = [step.place for step in getattr(done and done.outcome, "steps", ()) if step.place is not None]
+        if match is None or not at or world.cells:
+            return None
+        x0, x1, y0, y1 = world.bounds
+        off = at[-1][0] - (x0 + x1) / 2, at[-1][1] - (y0 + y1) / 2
+        far, left = (sum(a * b for a, b in zip(world.toward(side), off, strict=True)) for side in ("far", "left"))
+        corner = f"{'near' if far > 0 else 'far'} {'right' if left > 0 else 'left'} corner"
+        return f"{text[: match.start()]}{corner}{text[match.end() :]}"
 
     def _unheld(self, sentence: str, text: str) -> Outcome | None:
         """Return the refusal of what is to be done with a thing in the gripper, where that is empty.
@@ -240,7 +270,7 @@ class Replies(Recollections):
         refs = self.planner().resolver(world, (), None).resolve(anchors[-1])
         if not refs or not refs[0].things or refs[0].things[-1] == moved[-1]:
             return None
-        other, comes = refs[0].things[-1], match["how"] in ("closer", "nearer")
+        other, comes = refs[0].things[-1], not match["how"].startswith(("further", "farther"))
         measure = Measure(1.0, "bit") if LITTLE & {*text.split()} else None
         place = RelationPhrase("toward" if comes else "away", (pinned(other),), measure)
         outcome = self._settle(sentence, Reading((Clause(CARRY, pinned(moved[-1]), (place,)),)))
@@ -369,6 +399,8 @@ class Replies(Recollections):
         if self.last is None:
             return False
         clause = self.last.steps[-1]
+        if clause.act in (Act.TAKE, Act.HOLD) and not clause.places and clause.entity is not None:
+            return False
         if clause.entity is None or clause.entity.kind == "it":
             return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)
         refs = self.planner().resolver(self.now, self.it, None).resolve(clause.entity)
@@ -392,9 +424,22 @@ class Replies(Recollections):
                 planner.mentioned = (*self.it, *(i for i in towers if i not in self.it))
                 outcome = settled(sentence, choices_of([reading], planner, found), planner)
                 if isinstance(outcome, Plan):
-                    return replace(outcome, steps=(*steps, *outcome.steps))
+                    direct = self._direct(sentence, reading, steps, outcome, found)
+                    return direct or replace(outcome, steps=(*steps, *outcome.steps))
                 last = last if isinstance(last, Question) else outcome
         return last
+
+    def _direct(
+        self, sentence: str, reading: Reading, back: Sequence[Step], plan: Plan, found: Choices | None
+    ) -> Plan | None:
+        """Return a plan that takes a thing where it is, instead of one that first takes the same thing back."""
+        restored, moved = ({step.object for step in steps if step.carries} for steps in (back, plan.steps))
+        if not restored or restored != moved or self.now.cells:
+            return None
+        planner = self.planner()
+        outcome = settled(sentence, choices_of([reading], planner, found), planner)
+        carried = {step.object for step in getattr(outcome, "steps", ()) if step.carries}
+        return outcome if isinstance(outcome, Plan) and carried == moved else None
 
     def _starts(self, restore: bool, back: bool) -> Iterator[tuple[WorldModel, tuple[Step, ...]]]:
         """Yield the worlds from which a correction is tried, each with the steps that lead to it."""

@@ -73,15 +73,9 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
     """
     clause = reply.steps[0]
     anchors = [anchor for place in last.steps[-1].places for anchor in place.anchors]
-    if (
-        clause.entity is not None
-        and clause.entity.kind == "list"
-        and len(clause.entity.parts) == 2
-        and len(anchors) == 1
-    ):
-        one, other = sorted(clause.entity.parts, key=lambda part: part.noun in ENCLOSING)
-        pair = filled(replace(last, steps=(*last.steps[:-1], replace(last.steps[-1], entity=one))), other, "goal")
-        return [pair] if pair is not None else []
+    goes = any(len(place.anchors) == 1 for step in last.steps for place in step.places)
+    if clause.entity is not None and clause.entity.kind == "list" and len(clause.entity.parts) == 2 and goes:
+        return _with_pair(last, *sorted(clause.entity.parts, key=lambda part: part.noun in ENCLOSING))
     rejected = next((each.anchors[0] for each in getattr(clause.entity, "relations", ()) if each.name == "not"), None)
     if clause.entity is not None and rejected is not None and len(anchors) == 1:  # "I meant X, not Y": Y says which
         new = replace(clause.entity, relations=tuple(r for r in clause.entity.relations if r.name != "not"))
@@ -104,6 +98,21 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
     return [
         Reading((*last.steps[:-1], each)) if not direct and len(last.steps) > 1 else Reading((each,)) for each in placed
     ]
+
+
+def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
+    """Return the last reading with other things as its object and as its place, whatever else is done with these."""
+    at = max(i for i, step in enumerate(last.steps) if any(len(place.anchors) == 1 for place in step.places))
+    old = last.steps[at].places[0].anchors[0]
+    put = filled(Reading((replace(last.steps[at], entity=one),)), other, "goal")
+    if put is None:
+        return []
+    noun = old.noun if old.noun in ENCLOSING else None
+    steps = [
+        replace(each, entity=other) if noun and each.entity is not None and each.entity.noun == noun else each
+        for each in last.steps
+    ]
+    return [replace(last, steps=(*steps[:at], *put.steps, *steps[at + 1 :]), cost=0.0)]
 
 
 def _object_clause(steps: tuple[Clause, ...]) -> int | None:

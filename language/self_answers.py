@@ -131,6 +131,14 @@ class SelfAnswers(ABC):
             return f"I did this: {said(turn.world, plan.steps)}"
         return self.account()
 
+    def touched(self, match: re.Match[str]) -> str | None:
+        """Name the loose things with which something was done, or nothing."""
+        done = {step.object for _, plan in self._plans() for step in plan.steps}
+        left = re.search(r"\bnot\b|\bnever\b| un\w+", match[0]) is not None
+        loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i)]
+        self.things = [i for i in loose if (i in done) != left]
+        return self.names(self.things) if self.things else "none"
+
     def upcoming(self, match: re.Match[str]) -> str | None:
         """Say what is done next: nothing of its own accord."""
         return "nothing more: I have done what you asked for. Say what I shall do next"

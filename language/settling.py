@@ -438,9 +438,11 @@ def _rank(choice: Choice) -> float:
     entity = choice.plan.entity
     mixed = 0.8 * (choice.plan.reason == "nothing" and entity is not None and len(entity.colors) > 1)
     unturnable = 2.0 * (choice.plan.failure == "unturnable")  # rather "push it" without a place
+    unnamed = 0.6 * (choice.plan.reason == "nothing" and choice.reading.steps[-1].verb is None)  # rather a command
     return (
         unturnable
         + mixed
+        + unnamed
         + _telling_cost(choice)
         + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "which": 0.6}.get(choice.plan.reason, 0.0)
     )
@@ -479,6 +481,8 @@ def _cannot(choice: Choice, lattice: Lattice) -> str:
     clause = next((c for c in choice.reading.steps if c.act is Act.NEVER), None) or choice.reading.steps[-1]
     tokens = lattice.tokens[slice(*clause.span)] or lattice.tokens
     words = " ".join(token.text for token in tokens[:9])
+    if not any("verb" in edges for edges in lattice.edges):  # of the sentence before
+        words = f"do that with {name(choice.plan.world, choice.plan.mover or 0)}"
     why = "no arm of this kind does that"
     if clause.act is Act.OPERATE:
         why = "only buttons, levers and wheels are operated, and nothing is rotated or tipped"

@@ -106,7 +106,8 @@ class Several(Movers):
         if entity.kind == "list":
             return self._listed(plan, clause, entity)
         if entity.kind == "it":
-            return self._them(plan, act, entity)
+            home = any(place.name == "home" for place in clause.places)
+            return self._them(plan, act, entity, home)
         refs = self.resolver(world, plan.it, None, plan.mentioned, plan.box).resolve(entity)
         refs = [ref for ref in refs if ref.things and all(allows(world, act, i) for i in ref.things[-1:])] or refs
         alone = [ref for ref in refs if len(ref.things) == 1] if act in (Act.BUILD, Act.GATHER) else refs
@@ -209,14 +210,19 @@ class Several(Movers):
         )
         return [*ends["first"], *rest, *last]
 
-    def _them(self, plan: Draft, act: Act | None, entity: Entity) -> list[int]:
-        """Return the things of "them"; "all of them", or of a tower, are all where none were spoken of."""
+    def _them(self, plan: Draft, act: Act | None, entity: Entity, home: bool) -> list[int]:
+        """Return the things of "them"; "all of them", or of a tower, are all where none were spoken of.
+
+        home: whether they go back, so that things are meant which were moved.
+        """
         together = act in (Act.BUILD, Act.GATHER) and not plan.it
         world, every = plan.world, (entity.every or together) and len(plan.it) < 2
         named = [i for i in (range(len(world.things)) if every else plan.it) if allows(world, act, i)]
         named = [i for i in named if not (every and world.things[i].target)]
         if len(named) < 2 and act not in BOXES and not plan.steps:
-            named = [i for i in self.recent if allows(world, act, i)][:2] or named
+            recent = [i for i in self.recent if allows(world, act, i)]
+            moved = [i for i in recent if i in self.rests] if home else []
+            named = (moved or recent)[:2] or named
         if act in BOXES and len(named) < 2:
             named = [i for i in world.containers if not self._done(world, act, i)]
         return named or [i for i in self._unnamed(plan, act) if not self._done(world, act, i)]

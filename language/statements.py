@@ -31,6 +31,7 @@ _OPINION = re.compile(
     rf"^(?:(?:you|this robot|robot) {_VERY}(?:are|were|look|looked|seem|sound|rock|work|learn|have (?:a|an|such|very"
     r"|good|nice|great|steady)|get it|got (?:it|that) (?:right|done)|do (?:it|that|this|so)?|did (?:it|that|this|so|a"
     r"|great|good|nicely|fine|well|very|really)|made my (?:day|evening|morning)|make me|know (?:how|what))\b"
+    rf"|my \w+ {_VERY}(?:is|are) {_VERY}(?:getting|becoming|starting to)\b"
     rf"|(?:i|we|my \w+) {_VERY}(?:am|are|was|were|feel|felt|like|love|enjoy|enjoyed|hate|hated|liked|loved|admire"
     r"|appreciate|could not|can not|do not understand|do not know (?:what|how)|will (?:love|like|enjoy)"
     r"|would (?:never|not)|never (?:saw|thought|seen|knew)|did not (?:know|expect|think))\b"
@@ -61,6 +62,13 @@ _NOT_EVENT = re.compile(
 _TAG = re.compile(r"^(?:is|are|was|were|did|do|does|have|has|right|or)(?: not)?(?: (?:it|you|that|i|this|they|not))*$")
 
 
+_BUSY = re.compile(  # "you look funny holding that"
+    r"^(you (?:look|looked|are|were|seem) (?:\w+ ){1,3}?)"
+    r"(?:(?:while|when|with|doing|holding|carrying|lifting|moving)\b ?)+"
+    r"(?:it|that|this|them|(?:it|that|this|them|those|these) \w+)?(?: (?:there|like that|up there))*$"
+)
+
+
 @cache
 def _asking() -> re.Pattern[str]:
     """Return a pattern for what may ask for something: a thing of the scene, a place, a duty, a verb after "and"."""
@@ -69,7 +77,8 @@ def _asking() -> re.Pattern[str]:
         r"|switch|tower|stack|pile|corner|middle|edge|side|table|spheres?|balls?|cylinders?|gripper|container"
         r"|should|must|shall|have to|has to|had to|needs?|supposed|want|wants|wanted|belongs?|meant|mean|said"
         r"|asked|instead|please|wrong|left|next to|on top|on it|in it|in there|closer|farther|further|behind|between"
-        r"|under|inside|too (?:far|much|high|low|close|fast|slow)|slow|quick|fast|slower|faster|open|closed|shut|empty"
+        r"|under|inside|(?:better|nicer|more) (?:on|in|at|next|near|beside|by|over|towards|to)"
+        r"|too (?:far|much|high|low|close|fast|slow)|slow|quick|fast|slower|faster|open|closed|shut|empty"
         r"|full|if|to (?:have|see|get) (?:it|that|them|this)|(?:like|love) (?:you )?to|how about|other|another|one"
         rf"|(?:and|then|now|but|or|so) (?:{verb_words()})|waiting for|holding|carrying"
         r"|(?<!you )(?:take|give|put|get|bring|help|move|open|close|hold) (?:it|me|that|this))\b"
@@ -93,7 +102,7 @@ def _kind(part: Part) -> str:
         return "idle" if part.act in ("social", "yes", "no", "sorry") else ""
     if _TAG.match(text) or all(word in _polite() for word in part.words):
         return "idle"
-    text = _LEADS.sub("", text)
+    text = _BUSY.sub(r"\1", _LEADS.sub("", text))
     if _EVENT.match(text) and not _NOT_EVENT.search(text):
         return "event"
     return "opinion" if part.mark != "?" and _OPINION.match(text) and not _asking().search(text) else ""

@@ -3,7 +3,19 @@
 import pytest
 
 from language import Answer, Refusal, Signal
-from tests.helpers.room_cases import BLUE, NAMES, RED, outcome_of, room
+from tests.helpers.room_cases import (
+    BLUE,
+    DRAWER,
+    FRIDGE,
+    LEVER,
+    NAMES,
+    RED,
+    YELLOW,
+    asked_steps,
+    larger_room,
+    outcome_of,
+    room,
+)
 
 STACKED = "put the blue cube on the yellow cube / "
 MOVED = "move the yellow cube to the left / "
@@ -134,3 +146,178 @@ def test_a_side_that_is_corrected_is_that_of_the_thing_which_was_named_by_it(tur
 
 def test_a_side_is_a_place_where_the_thing_was_not_named_by_it():
     assert moved(outcome_of("pick up the blue cube / i meant to the left")) == ["blue"]
+
+
+@pytest.mark.parametrize("back", ["put both back", "please put both of them back to where they were", "put them back"])
+def test_both_go_back_that_were_moved_in_two_turns(back):
+    turns = "move the yellow cube to the right / and the red one towards the blue one / "
+    assert sorted(moved(outcome_of(turns + back))) == ["red", "yellow"]
+
+
+def test_both_back_means_no_device_where_nothing_was_moved():
+    assert not getattr(outcome_of("put both back"), "steps", ())
+
+
+@pytest.mark.parametrize("answer", ["the one that's closer to you", "the closer one", "the nearer one"])
+def test_the_closer_one_answers_which_is_meant(answer):
+    (step,) = outcome_of(f"pick up the cube / {answer}").steps
+    assert step.object == YELLOW
+
+
+@pytest.mark.parametrize(
+    ("correction", "mover", "base"),
+    [
+        ("not the red one, the yellow one", "yellow", "blue"),
+        ("not the blue one! the yellow one", "red", "yellow"),
+        ("no, not blue but yellow", "red", "yellow"),
+    ],
+)
+def test_what_it_shall_not_be_says_whether_the_thing_or_its_place_is_corrected(correction, mover, base):
+    last = outcome_of(f"put the red cube on the blue one / {correction}").steps[-1]
+    assert (NAMES[last.object], NAMES[last.goal]) == (mover, base)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "wrong way round",
+        "wrong way round, I wanted the blue one on the red one",
+        "that's the wrong way around. blue on red",
+    ],
+)
+def test_the_wrong_way_round_is_turned_round(said):
+    last = outcome_of(f"put the red cube on the blue one / {said}").steps[-1]
+    assert (NAMES[last.object], NAMES[last.goal]) == ("blue", "red")
+
+
+@pytest.mark.parametrize("other", ["the other thing. the lever", "no, the lever", "not the button! the lever"])
+def test_another_device_is_operated_instead(other):
+    assert outcome_of(f"press the button / {other}").steps[-1].object == LEVER
+
+
+@pytest.mark.parametrize(
+    "instead",
+    [
+        "I was going to have you give it to me but just put it on the blue one",
+        "I wanted it on the yellow one but put it on the blue one instead",
+        "we were about to put it away, but now put it on the blue one",
+    ],
+)
+def test_what_was_intended_at_first_is_not_done(instead):
+    assert asked_steps(outcome_of(f"pick up the red cube / {instead}")) == [("stack", RED)]
+
+
+@pytest.mark.parametrize(
+    ("liked", "y"),
+    [
+        ("actually I liked it better on the right", (-0.25, -0.05)),
+        ("I think id like it better on the left", (0.05, 0.25)),
+        ("i'd prefer it in the middle", (-0.06, 0.06)),
+    ],
+)
+def test_what_is_liked_better_somewhere_goes_there(liked, y):
+    step = outcome_of(f"put the yellow cube next to the red one / {liked}").steps[-1]
+    assert NAMES[step.object] == "yellow"
+    assert y[0] <= step.place[1] <= y[1]
+
+
+@pytest.mark.parametrize("before", ["it was better before", "I liked it better where it was"])
+def test_what_was_better_before_is_undone(before):
+    outcome = outcome_of(MOVED + before)
+    assert isinstance(outcome, Signal)
+    assert outcome.control == "undo"
+
+
+@pytest.mark.parametrize(
+    ("correction", "opened"),
+    [
+        ("no close it again, it was the fridge I wanted open", FRIDGE),
+        ("it's the fridge I want you to open", FRIDGE),
+        ("no, it was the fridge I wanted", FRIDGE),
+    ],
+)
+def test_it_was_another_thing_that_was_wanted(correction, opened):
+    assert asked_steps(outcome_of(f"open the drawer / {correction}"))[-1] == ("open", opened)
+
+
+@pytest.mark.parametrize(
+    ("first", "names"),
+    [
+        ("ok take the yellow one out first", ["yellow", "red"]),
+        ("empty it first", ["yellow", "red"]),
+        ("use the fridge then", ["red"]),
+        ("then in the fridge", ["red"]),
+    ],
+)
+def test_what_was_refused_is_done_after_what_is_said_to_come_first(first, names):
+    world = room(inside={YELLOW: DRAWER}, open=frozenset([DRAWER]))
+    outcome = outcome_of(f"put the red cube in the drawer / {first}", world)
+    assert moved(outcome) == names
+
+
+def test_a_thing_goes_beside_the_tower_on_which_it_cannot_go():
+    outcome = outcome_of("put the blue cube on the red one / and yellow on blue / ok just next to it then")
+    assert moved(outcome) == ["yellow"]
+
+
+def test_the_same_with_a_pair_replaces_the_thing_and_the_container():
+    turns = "put the blue cube in the drawer, then close it / same thing with yellow and the fridge"
+    assert asked_steps(outcome_of(turns)) == [("open", FRIDGE), ("put_in", YELLOW), ("close", FRIDGE)]
+
+
+def test_one_of_a_colour_is_of_the_kind_that_was_named():
+    world = larger_room()
+    outcome = outcome_of("rotate the blue cube / the cyan one", world)
+    assert isinstance(outcome, Refusal)
+    assert asked_steps(outcome_of("press the button / no, the cyan one", world))[-1] == ("switch", LEVER)
+
+
+def test_an_answer_may_say_what_is_to_be_done_with_the_thing():
+    assert asked_steps(outcome_of("the red thing / well obviously the cube, hand it to me")) == [("hand_over", RED)]
+
+
+def test_the_opposite_corner_is_that_of_the_last_place():
+    place = (
+        outcome_of("put the red cube in the far left corner / and the blue one in the opposite corner").steps[-1].place
+    )
+    assert place[0] < 0.36
+    assert place[1] < -0.15
+
+
+@pytest.mark.parametrize("more", ["not far enough", "that's not far enough, go more left", "still not far enough"])
+def test_what_is_not_far_enough_goes_further(more):
+    assert left_of(outcome_of(MOVED + more)) > left_of(outcome_of(MOVED.removesuffix(" / "))) + 0.02
+
+
+@pytest.mark.parametrize(
+    "inside", ["take out whats in there", "get out whatever is inside", "take what is in the fridge out"]
+)
+def test_what_is_in_there_is_taken_out(inside):
+    world = room(inside={YELLOW: FRIDGE})
+    assert ("hand_over", YELLOW) in asked_steps(outcome_of(f"open the fridge / {inside} and give it to me", world))
+
+
+@pytest.mark.parametrize(
+    "back", ["take it back and put it where it was before", "thanks, now put it back where it was"]
+)
+def test_what_was_handed_over_goes_back_where_it_was(back):
+    step = outcome_of(f"hand me the yellow cube / {back}").steps[-1]
+    assert step.place[:2] == pytest.approx((0.34, 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("turns", "told"),
+    [
+        ("put the red cube in the fridge / which one is in the fridge again?", "The red cube is in the red fridge"),
+        ("pick up the red cube / is anything else here red?", "Yes: the red fridge"),
+        ("pick up the red cube / what else is red?", "The red fridge"),
+        ("put yellow on red / which cubes haven't you touched yet?", "The blue cube and the red cube"),
+        ("put yellow on red / which ones have you moved so far?", "The yellow cube"),
+        ("pick up the red cube / haha you look funny holding that", "All right"),
+        ("hand me the red cube / my hand is getting tired", "All right"),
+    ],
+)
+def test_what_is_asked_or_said_of_the_turns_before_is_answered(turns, told):
+    outcome = outcome_of(turns)
+    assert isinstance(outcome, Answer)
+    assert outcome.text.startswith(told)
