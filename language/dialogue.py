@@ -64,7 +64,6 @@ _SPEED = "my arm keeps its own speed; the clock has a speed, under Time"
 _NEXT = "Say what I shall do next"
 _FROM_HERE = "I begin where my arm is"
 
-
 _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
 IT_SHALL = re.compile(r"(?:please )?(?:do (?:it|so|that)|then do|please do|make it so)\W*$")
 _CERTAIN = re.compile(r"\b(?:the|those|these|all|both|two|three|four|my|your|please)\b", re.IGNORECASE)
@@ -249,6 +248,8 @@ class Dialogue(Conditions):
 
     def _without_same(self, words: list[Token]) -> tuple[list[Token], bool]:
         """Return the words without those that ask for the same once more, "the same with X", and whether they do."""
+        while self.last is None and words and words[0].text in ("no", ","):  # there is nothing to correct
+            words = words[1:]
         text = " ".join(token.text for token in words)
         match = SAME.search(text) if self.last is not None else None
         if match is None:
