@@ -54,7 +54,7 @@ def test_a_policy_that_does_nothing_never_succeeds(monkeypatch):
         return replace(setup, policy=lambda state: state.set("action", setup.env.hold_action()))
 
     monkeypatch.setattr(session_module, "build", build_idle)
-    session = Session(make_config(objects=3), seed=3)
+    session = Session(make_config(objects=3, second_try=False), seed=3)
     result = judged(session, count=2)
     session.close()
     assert result["success"] == 0.0
