@@ -33,13 +33,11 @@ from language import (
     matches,
     say,
 )
-from language.verbs import BASE, EVERY, GOAL, KNOWN, OBJECT, OPERATED, PLACING, Act, has_goal
+from language.verbs import BASE, EVERY, GOAL, KNOWN, OBJECT, PLACING, Act, doing, has_goal
 
 SAME_PLACE = 0.02  # metres within which a see-through object marks the place already
 HOLD = 0.15  # metres above the table at which a taken object is held
 ON_TABLE = 0.01  # metres above the table below which a place counts as on the table
-
-OPENING, SHUTTING = (next(verb for verb in OPERATED if KNOWN[verb].act is act) for act in (Act.OPEN, Act.SHUT))
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,7 @@ class SubtaskPlanner:
         narrow, found = room.narrow(self._env), list[Step]()
         for step in steps:
             if step.goal in narrow:
-                found += [Step(verb, step.goal, implied=True) for verb in (SHUTTING, OPENING)]
+                found += [Step(verb, step.goal, implied=True) for verb in map(doing, (Act.SHUT, Act.OPEN))]
                 narrow.discard(step.goal)
             if step.act in (Act.OPEN, Act.SHUT):
                 narrow.discard(step.object)

@@ -7,6 +7,7 @@ from contextlib import suppress
 from itertools import chain, zip_longest
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envs.interactive.interactive_env import InteractiveEnv, object_name
 from envs.tasks.anything import Anything
@@ -101,8 +102,11 @@ def check(env: InteractiveEnv, option: Option, scene: Scene) -> None:
 
 def narrow(env: InteractiveEnv) -> set[int]:
     """What is open, but not wide enough for something to go in or out."""
-    room = room_of(env)
-    return set(np.flatnonzero(room.fits & (room.shares >= OPEN) & (room.shares <= THROUGH)).tolist())
+    return set(np.flatnonzero(_is_narrow(room_of(env))).tolist())
+
+
+def _is_narrow(room: Room) -> NDArray[np.bool_]:
+    return room.fits & (room.shares >= OPEN) & (room.shares <= THROUGH)
 
 
 def free_spot(
@@ -205,6 +209,8 @@ def _of_target(room: Room, option: Option, held: int, names: Sequence[str]) -> I
             yield f"your hand is full: {names[inside]} is in it"
     elif not room.fits[target]:
         yield f"nothing goes in {there}: name the drawer or the fridge"
+    elif _is_narrow(room)[target]:
+        yield f"{there} is not open wide enough: close it, then open it again"
     elif room.shares[target] <= THROUGH:
         yield f"{there} is not open: open it first"
     elif effect == "in" and room.inside[:, target].any():
