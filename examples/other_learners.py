@@ -107,9 +107,7 @@ def make_model(env: str, learner: str, worlds: Any, settings: dict[str, Any], se
     library, algorithm = learner.split("-")
     module = {"sb3": "sb3_contrib" if algorithm == "tqc" else "stable_baselines3", "sbx": "sbx"}[library]
     values: dict[str, Any] = settings | {"seed": seed, "device": "cpu"}
-    networks = {
-        key: values.pop(key) for key in ("net_arch", "n_critics", "log_std_init", "ortho_init") if key in values
-    }
+    networks = {key: values.pop(key) for key in OF_NETWORKS if key in values}
     if library == "sb3" and has_words(env):
         from stable_baselines3_ppo import Slots
 

@@ -263,7 +263,6 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
     (r"why you (?:do|would|could|can) not (.+)", r"why do not you \1"),
     (r"where (?:it is|they are) (.+)", r"where is \1"),
-    (r"how much ((?:cubes|blocks|things|objects|pieces)) there (?:is|are) (.+)", r"how many \1 are there \2"),
     (r"how much ((?:cubes|blocks|things|objects|pieces)\b.*)", r"how many \1"),
     (r"(how many \w+) there (?:is|are) (.+)", r"\1 are there \2"),
     (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?(.+?){_TAGGED}", r"\2 \1 \3"),

@@ -47,9 +47,7 @@ class Comparisons(SelfAnswers):
             far = [math.hypot(thing.x - x, thing.y - y) for thing in world.things]
             sign = 1 if match[1] in ("nearer", "closer") else -1
             return Predicate(lambda i: sign * far[i] < sign * far[other[0]], "place") if other else None
-        match = re.fullmatch(
-            rf"(?:(?P<more>{_SIZE}) than|as (?:big|large|small|wide|tall|high) as) (?P<what>.*)", plain
-        )
+        match = re.fullmatch(rf"(?:(?P<more>{_SIZE}) than|as (?:{_EQUAL}) as) (?P<what>.*)", plain)
         others = self.subject(match["what"]) if match else None
         if match is None or not others:
             return None
@@ -107,9 +105,7 @@ class Comparisons(SelfAnswers):
 
     def highest(self, match: re.Match[str]) -> str | None:
         """Say which stack is the highest, or the lowest."""
-        world = self.world
-        tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
-        stacks = [world.column(world.things[i].x, world.things[i].y) for i in tops]
+        stacks = self._stacks()
         if not stacks:
             return "there is no stack"
         most = (min if re.search(r"lowest|smallest", match[0]) else max)(map(len, stacks))

@@ -198,7 +198,7 @@ class Conditions(Replies):
     def _about_topic(self, sentence: str, parts: Sequence[Part], made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the plan of a sentence that first says what it is about: "you see the red cube? pick it up"."""
         for at in range(1, len(parts)):
-            told, rest = " ".join(parts[at - 1].words), sentence[parts[at - 1].end :].lstrip(" ,;:.!?-")
+            told, rest = " ".join(parts[at - 1].words), _after(sentence, parts[at - 1])
             if not tells_of(told) or not _SPOKEN.search(rest.lower()):
                 return None
             things = list(dict.fromkeys(i for text in (told, *_NAMED.findall(told)) for i in self._told_of(text)))
@@ -215,7 +215,7 @@ class Conditions(Replies):
         """Return the plan of what is said after an answer with the thing that it names: "the cube, hand it to me"."""
         asked, parts = self.open_question(), parts_of(text)
         told = " ".join(parts[0].words) if len(parts) > 1 else ""
-        rest = text[parts[0].end :].lstrip(" ,;:.!?-") if told else ""
+        rest = _after(text, parts[0]) if told else ""
         if asked is None or not command_word().match(" ".join(parts[-1].words)) or command_word().match(told):
             return None
         entity = phrase(self.now, self.planner(), scan(told))[0] if re.search(r"\bit\b", rest.lower()) else None
@@ -228,6 +228,7 @@ class Conditions(Replies):
         return outcome if isinstance(outcome, Plan) else None
 
     def _told_of(self, text: str) -> list[int]:
+        """Return the thing that the longest phrase of some words means, if there is one."""
         refs = phrase(self.now, self.planner(), scan(text))[1]
         return [i for ref in refs[:1] for i in ref.things[-1:]]
 
@@ -263,8 +264,7 @@ class Conditions(Replies):
         lead = re.match(r"([^.;!]+) [.;!] (?=(?:if|unless) )", plain)
         if lead is None or command_word().match(lead[1]):
             return plain
-        refs = phrase(self.now, self.planner(), scan(lead[1]))[1]
-        self.it = tuple(i for ref in refs[:1] for i in ref.things[-1:]) or self.it
+        self.it = (*self._told_of(lead[1]),) or self.it
         return plain[lead.end() :]
 
     def _weighed(self, found: Conditional, made: tuple[Gesture, ...]) -> Weighed:
@@ -314,6 +314,11 @@ class Conditions(Replies):
         """Return the refusal of a sentence whose condition cannot be compared with the world."""
         text, offered = f"I cannot tell whether {condition}", offers(self.now, condition.split())
         return Refusal(condition, 0.0, (), (0, len(condition)), reason="nothing", text=text, suggestions=offered)
+
+
+def _after(sentence: str, part: Part) -> str:
+    """Return what follows a part, without the marks between them."""
+    return sentence[part.end :].lstrip(" ,;:.!?-")
 
 
 def _with_object(command: str, thing: str) -> str:

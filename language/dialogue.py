@@ -259,9 +259,8 @@ class Dialogue(Conditions):
 
     def _is_reply(self, reply: Reading, found: Choices) -> bool:
         """Whether a sentence answers or corrects what went before, rather than asks for something of its own."""
-        if (self.now.only and self.open_question() is None and not reply.rejects) or crowded(
-            found
-        ):  # a phrase says what to do
+        phrase_alone = self.now.only and self.open_question() is None and not reply.rejects  # it says what to do
+        if phrase_alone or crowded(found):
             return False
         if not reply.rejects and (len(reply.steps) > 1 or reply.steps[0].verb is not None):
             return False

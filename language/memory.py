@@ -10,6 +10,7 @@ from language.meanings import Gesture, Reading
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import Planner
 from language.revising import tells
+from language.several import towers_of
 from language.spots import Rest, left_place
 from language.verbs import Act
 from language.world import WorldModel
@@ -176,5 +177,4 @@ def _below(plan: Plan, things: Sequence[int], world: WorldModel) -> tuple[int, .
     clause = plan.reading.steps[-1] if plan.reading is not None else None
     if clause is None or clause.act is not Act.UNSTACK or clause.entity is None or clause.entity.kind != "stack":
         return ()
-    towers = [world.column(world.things[i].x, world.things[i].y) for i in things]
-    return tuple(dict.fromkeys(i for tower in towers for i in tower if i not in things))
+    return tuple(dict.fromkeys(i for tower in towers_of(world, things) for i in tower if i not in things))

@@ -302,14 +302,18 @@ class SelfAnswers(ABC):
         self.things = list(self.pointed[:1])
         return "; ".join(self._told(i, "state") for i in self.things) or "you point at nothing: click a thing"
 
-    def tall(self, match: re.Match[str]) -> str | None:
-        """Say how high a stack is, or how wide a thing is."""
+    def _stacks(self) -> list[list[int]]:
+        """Return the things of each stack, the lowest first."""
         world = self.world
         tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
+        return [world.column(world.things[i].x, world.things[i].y) for i in tops]
+
+    def tall(self, match: re.Match[str]) -> str | None:
+        """Say how high a stack is, or how wide a thing is."""
+        stacks = self._stacks()
         if re.search(r"\b(?:stack|tower|pile)\b", match[1]) or (
-            tops and re.fullmatch(r"(?:it|that|this)(?: now)?", match[1])
+            stacks and re.fullmatch(r"(?:it|that|this)(?: now)?", match[1])
         ):
-            stacks = [world.column(world.things[i].x, world.things[i].y) for i in tops]
             spoken = [stack for stack in stacks if {*stack} & {*self.planner.it}]
             self.things = max(spoken or stacks, key=len, default=[])
             return f"it is {len(self.things)} high: {self.names(self.things[::-1])}" if stacks else "there is no stack"
