@@ -17,10 +17,11 @@ next. Each run is a command of its own, whose start is second 0, so that imports
 * ours: `train.py` where the id has words, else `examples/goal_env.py`; overrides are added to it.
 * a peer: `examples/other_learners.py`, which has the peers' settings in one table, with their source.
 
-An evaluation is of the deterministic policy over 200 episodes. It counts alike for all: each learner evaluates after as
-many frames, and stands still meanwhile (`eval.overlap=false`), and these seconds are left out, with those of building
-the worlds of evaluations. Only worker processes of ours go on, to the end of the batch that they are at. A run ends at
-its first success of at least 0.97, once its budget of seconds is used up ("not reached"), or with its frames.
+An evaluation is of the deterministic policy over 200 episodes. It counts alike for all: each learner of an algorithm
+evaluates after as many frames, and stands still meanwhile (`eval.overlap=false`), and these seconds are left out, with
+those of building the worlds of evaluations. Only worker processes of ours go on, to the end of the batch that they are
+at. A run ends at its first success of at least 0.97, once its budget of seconds is used up ("not reached"), or with its
+frames.
 
 `--json` makes the last line one of JSON; `--recorded` prints the tables of a file that ends with such a line.
 """
@@ -67,13 +68,14 @@ Evaluated = tuple[float, int, float]  # seconds, frames, success
 
 
 class ComparedEnv(NamedTuple):
-    """An environment. interval: frames between two evaluations, of all learners. ppo, replay: overrides of ours."""
+    """An environment. interval: frames between two evaluations of SAC and TQC. ppo, replay: overrides of ours."""
 
     interval: int
     ppo: str
     replay: str  # of SAC and TQC
 
 
+PPO_INTERVALS = 5  # PPO evaluates after so many times the frames, of which it makes about as many more a second
 PANDA = "collector.worlds=16"  # a world of panda-gym takes about as much memory as four of ours
 COMPARED = {  # total_frames is a setting: learning rates fall to 0 over it
     "Deixis/NLReach-v0": ComparedEnv(4_000, "total_frames=80_000", "total_frames=100_000"),
@@ -166,12 +168,13 @@ def parts_table(runs: Sequence[Run]) -> Iterator[str]:
 def command_of(learner: str, seed: int, given: argparse.Namespace, folder: Path) -> list[str]:
     """Return the command of a run, without Python. folder: of our run."""
     compared, algorithm = COMPARED[given.env], learner.split("-")[1]
+    interval = compared.interval * (PPO_INTERVALS if algorithm == "ppo" else 1)
     if not learner.startswith("ours"):
-        options = ["--seed", str(seed), "--interval", str(compared.interval), "--episodes", str(given.episodes)]
+        options = ["--seed", str(seed), "--interval", str(interval), "--episodes", str(given.episodes)]
         options += ["--frames", str(given.frames or 10**9), *["--zoo"] * given.zoo]
         return ["examples/other_learners.py", given.env, learner, *options]
     words = dict(word.split("=", 1) for word in (compared.ppo if algorithm == "ppo" else compared.replay).split())
-    words |= {"algo": algorithm, "seed": str(seed), "eval.overlap": "false", "eval.interval": str(compared.interval)}
+    words |= {"algo": algorithm, "seed": str(seed), "eval.overlap": "false", "eval.interval": str(interval)}
     words |= {"eval.interval_episodes": str(given.episodes), "eval.episodes": str(given.episodes), "logger": "[]"}
     words |= {"eval.video_episodes": "0"} | ({"total_frames": str(given.frames)} if given.frames else {})
     words |= dict(word.split("=", 1) for word in given.overrides)
