@@ -45,7 +45,6 @@ _ADVERBS = (
     "literally",
 )
 MOST_MISSPELT = 5  # words of a signal or a reply of which one may be misspelt
-NUMBERS = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 
 
 class Part(NamedTuple):
@@ -139,17 +138,6 @@ def parts_of(sentence: str) -> list[Part]:
             found.append(Part(words[0].start, words[-1].end, texts, act_of(texts), token.text))
             words = []
     return found
-
-
-def times(words: Sequence[str]) -> tuple[int, list[int]]:
-    """Return how often something is to be done, and the indices of the words that say so."""
-    for at, word in enumerate(words):
-        if word in ("twice", "thrice"):
-            return NUMBERS[word], [at]
-        end = at + 1 + (words[at + 1 : at + 2] == ["more"])
-        if word in NUMBERS and words[end : end + 1] == ["times"]:
-            return NUMBERS[word], list(range(at, end + 1 + (words[end + 1 : end + 2] == ["more"])))
-    return 1, []
 
 
 # ---- Sentences without what says nothing more

@@ -26,7 +26,6 @@ from language.acts import (
     proposal,
     question,
     says,
-    times,
     without_idle,
 )
 from language.conditions import Conditions
@@ -35,6 +34,7 @@ from language.lattice import vocabulary
 from language.meanings import Clause, Gesture, Measure, Pointed, Reading, RelationPhrase, gestures
 from language.normalise import LONGEST_SENTENCE, normalised
 from language.objects import Scene
+from language.ordering import times
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import CARRY, Planner
 from language.questions import Questions

@@ -14,7 +14,7 @@ from language import asides, costs, words
 from language.errors import NotUnderstood, check_known
 from language.normalise import normalised, wordings
 from language.remarks import command
-from language.scanning import Token, said, scan, verb_words
+from language.scanning import Token, inflections, said, scan, verb_words
 from language.verbs import KNOWN, Act
 from language.words import FILLERS, TABLE, phrases
 
@@ -40,17 +40,8 @@ CONTENT = frozenset(
         "done, pronoun, every, both, other, never, not, if, else, order"
     )
 )
-_FORMS = (  # verbs whose past and participle are irregular
-    "put put, take took taken, give gave given, bring brought, get got gotten, set set, lay laid, hold held, shut "
-    "shut, leave left, "
-    "keep kept, stand stood, slide slid, spin spun, hit hit, build built, make made, throw threw thrown, swing swung, "
-    "stick stuck, "
-    "let let, hang hung, find found, go went gone, send sent, draw drew drawn, catch caught, hide hid hidden"
-)
 _PRONOUNS = ("that", "this", "them", "these", "those")
 _BEFORE_PRONOUN = ("of", "on", "in", "to", "from", "with", "behind", "under", "near", "beside", "over", "between")
-_IRREGULAR = {forms.split()[0]: forms.split()[1:] for forms in _FORMS.split(", ")}
-_DOUBLED = re.compile(r"^[^aeiou]*[aeiou][bdgkmnprt]$")
 
 
 class Edge(NamedTuple):
@@ -365,30 +356,7 @@ def _entries() -> Iterator[tuple[str, Any, str]]:
     for name, verb in KNOWN.items():
         for phrase in said(verb):
             yield "verb", name, phrase
-            yield from _inflections(name, phrase)
-
-
-def _inflections(name: str, phrase: str) -> Iterator[tuple[str, str, str]]:
-    """Yield the gerund and the third person of a verb, and its participle, which follows its object."""
-    first, _, rest = phrase.partition(" ")
-    if first in ("i", "we", "can", "could", "may", "over", "gimme", "lemme", "have", "want", "need") or len(first) < 2:
-        return
-    stem = first[:-1] if first.endswith("e") and first != "see" else first
-    stem = first + first[-1] if _DOUBLED.match(first) else stem
-    third = first + ("es" if first.endswith(("s", "sh", "ch", "x", "z")) else "s")
-    pasts = (
-        [*_IRREGULAR[first], stem + "ed"]
-        if first in _IRREGULAR
-        else [first[:-1] + "ied" if first.endswith("ry") else stem + "ed"]
-    )
-    for form in (stem + "ing", third):
-        yield "inflected", name, f"{form} {rest}".strip()
-    for form in pasts:
-        yield "done", name, f"{form} {rest}".strip()
-        if form not in ("left", "set", "put", "shut"):
-            yield "inflected", name, f"{form} {rest}".strip()
-    if first == "open":
-        yield "done", name, phrase
+            yield from inflections(name, phrase)
 
 
 def teach(category: str, meaning: str, phrase: str) -> None:

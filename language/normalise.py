@@ -14,6 +14,7 @@ from typing import NamedTuple
 from core.safe_files import read_yaml
 from language.arrangements import arranged
 from language.errors import NotUnderstood
+from language.ordering import ordered, repeated
 from language.remarks import without_remarks
 from language.scanning import COLOR, Token, said, scan, verb_words
 from language.verbs import KNOWN, Act
@@ -49,9 +50,10 @@ def normalised(sentence: str) -> list[Token]:
     found = _undoubled(_of_program(sentence, _trimmed(found)))
     found = _unframed(arranged(rewritten(found, wordings()["orders"])))
     found = repaired(rewritten(found, wordings()["repairs"]))
-    found = _unframed(without_remarks(found))
+    found = _unframed(without_remarks(ordered(found)))
     for name in ("misheard", "plain"):
         found = rewritten(found, wordings()[name])
+    found = repeated(found)
     if len(found) > MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     return _trimmed(found)

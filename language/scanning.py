@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -11,6 +12,16 @@ from language.words import TABLE, phrases
 
 THING = "cubes?|blocks?|drawer|fridge|button|lever|wheel|tower|stack"
 COLOR = "red|blue|yellow|orange|cyan|gray|grey|green|pink|purple|white"
+
+_FORMS = (  # verbs whose past and participle are irregular
+    "put put, take took taken, give gave given, bring brought, get got gotten, set set, lay laid, hold held, shut "
+    "shut, leave left, "
+    "keep kept, stand stood, slide slid, spin spun, hit hit, build built, make made, throw threw thrown, swing swung, "
+    "stick stuck, "
+    "let let, hang hung, find found, go went gone, send sent, draw drew drawn, catch caught, hide hid hidden"
+)
+_IRREGULAR = {forms.split()[0]: forms.split()[1:] for forms in _FORMS.split(", ")}
+_DOUBLED = re.compile(r"^[^aeiou]*[aeiou][bdgkmnprt]$")
 
 
 class Token(NamedTuple):
@@ -78,3 +89,26 @@ def said(verb) -> list[str]:
     own = [template.removesuffix(f" {OBJECT}") for template in verb.templates if template.endswith(OBJECT)]
     own = [phrase for phrase in own if "{" not in phrase and verb.act is not Act.HOLD]
     return list(dict.fromkeys([*own, *(phrases(verb.words) if verb.words else [])]))
+
+
+def inflections(name: str, phrase: str) -> Iterator[tuple[str, str, str]]:
+    """Yield the gerund and the third person of a verb, and its participle, which follows its object."""
+    first, _, rest = phrase.partition(" ")
+    if first in ("i", "we", "can", "could", "may", "over", "gimme", "lemme", "have", "want", "need") or len(first) < 2:
+        return
+    stem = first[:-1] if first.endswith("e") and first != "see" else first
+    stem = first + first[-1] if _DOUBLED.match(first) else stem
+    third = first + ("es" if first.endswith(("s", "sh", "ch", "x", "z")) else "s")
+    pasts = (
+        [*_IRREGULAR[first], stem + "ed"]
+        if first in _IRREGULAR
+        else [first[:-1] + "ied" if first.endswith("ry") else stem + "ed"]
+    )
+    for form in (stem + "ing", third):
+        yield "inflected", name, f"{form} {rest}".strip()
+    for form in pasts:
+        yield "done", name, f"{form} {rest}".strip()
+        if form not in ("left", "set", "put", "shut"):
+            yield "inflected", name, f"{form} {rest}".strip()
+    if first == "open":
+        yield "done", name, phrase
