@@ -61,6 +61,9 @@ class Part(NamedTuple):
     mark: str = ""
 
 
+_EMPTY = Part(0, 0, (), None)
+
+
 @cache
 def _phrases() -> dict[tuple[str, ...], str]:
     """Return the phrases of signals, replies and small talk, each with what it does."""
@@ -110,7 +113,8 @@ def act_of(words: Sequence[str]) -> str | None:
             if act and rest and (best[at] is None or rest[0] + 1 < best[at][0]):  # type: ignore[index]
                 best[at] = rest[0] + 1, (act, *rest[1])
     acts = [act for act in (best[0] or (0, ()))[1] if act != "polite"]
-    if words[-1:] == ("right",) and {"said", "meant", "mean"} & {*words}:  # "I said right" tells a side
+    told = {"said", "meant", "mean"} & {*words} or words[-2:-1] == ("no",)
+    if words[-1:] == ("right",) and told:  # "I said right" tells a side
         return None
     strong = [act for act in acts if act not in ("social", "sorry", "yes", "no")]
     if "no" in acts and strong == ["again"]:
@@ -137,7 +141,11 @@ def parts_of(sentence: str) -> list[Part]:
             texts = tuple(word.text for word in words)
             found.append(Part(words[0].start, words[-1].end, texts, act_of(texts), token.text))
             words = []
-    return found
+    sided = [  # "no, right", "right, not left"
+        part.words == ("right",) and (before.act == "no" or after.words[:1] == ("not",))
+        for before, part, after in zip([_EMPTY, *found], found, [*found[1:], _EMPTY], strict=False)
+    ]
+    return [part._replace(act=None) if side else part for part, side in zip(found, sided, strict=True)]
 
 
 # ---- Sentences without what says nothing more
@@ -357,7 +365,7 @@ SAME = re.compile(
     r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|that|it)"
     r"(?: thing| again| once more)*(?: ,)?(?: but)? "
     r"(?:with|for|to|using|goes for)|(?:and )?(?:once )?(?:again|more) (?:but )?(?:with|for)"
-    r"|how about|what about|also) | (?:as well|too|also|likewise)$"
+    r"|how about|what about|also) | (?:as well|too|also|likewise|(?:in )?same way)$"
 )
 _PROPOSED = re.compile(
     r"^why (?:can|could|will|would|do|did) (?:not you|you not) (?P<not>.+)$"

@@ -12,13 +12,13 @@ from functools import cache
 from typing import NamedTuple
 
 from language.acts import CONDITION, Part, parts_of
+from language.corrections import Corrections
 from language.meanings import Gesture
 from language.normalise import plain_start
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.questions import Questions
 from language.remarks import command as command_word
 from language.remarks import tells_of
-from language.replies import Replies
 from language.scanning import COLOR, THING, scan, verb_words
 from language.talk import name, offers, phrase
 
@@ -158,7 +158,7 @@ def _joined(steps: Sequence[tuple[str, str]]) -> str:
 
 
 @dataclass
-class Conditions(Replies):
+class Conditions(Corrections):
     """Compares the conditions of a sentence with the world."""
 
     def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
@@ -175,6 +175,7 @@ class Conditions(Replies):
         """Return what comes of a sentence that only goes on from the turns before. text: its words."""
         found = self._restored(sentence, text) or self._raised(sentence, text) or self._nearer(sentence, text)
         found = found or self._unheld(sentence, text) or self._first(sentence, text, made)
+        found = found or self._contrasted(sentence)
         return found or self._of_those(sentence, made)
 
     def _first(self, sentence: str, text: str, made: tuple[Gesture, ...]) -> Outcome | None:

@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
-import numpy as np
-
 from language import costs
 from language.acts import (
     ABLE,
@@ -31,18 +29,18 @@ from language.acts import (
 from language.conditions import Conditions
 from language.errors import NotUnderstood
 from language.lattice import vocabulary
-from language.meanings import Clause, Gesture, Measure, Pointed, Reading, RelationPhrase, gestures
+from language.meanings import Gesture, Measure, Pointed, Reading, gestures
 from language.normalise import LONGEST_SENTENCE, normalised
 from language.objects import Scene
 from language.ordering import times
-from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
-from language.planning import CARRY, Planner
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
+from language.planning import Planner
 from language.questions import Questions
-from language.recalling import without_names
+from language.recalling import on_sides_of, without_names
 from language.remarks import asks_nothing, is_chat
 from language.remarks import command as command_word
 from language.replies import LITTLE
-from language.revising import aside, further, opposite, partly_back, pinned, restoring
+from language.revising import aside, further, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.settling import Choices, choices, crowded, settled
 from language.statements import stated
@@ -67,7 +65,6 @@ _FROM_HERE = "I begin where my arm is"
 _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
 IT_SHALL = re.compile(r"(?:please )?(?:do (?:it|so|that)|then do|please do|make it so)\W*$")
 _CERTAIN = re.compile(r"\b(?:the|those|these|all|both|two|three|four|my|your|please)\b", re.IGNORECASE)
-_SIDED = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
 _LEAVES = re.compile(
     r"\b(?:leave|keep) (?:it|that|this|them) (?:in|on|at|next|near|beside|behind|between|under|left|right)\b"
 )
@@ -113,7 +110,7 @@ class Dialogue(Conditions):
     def _recalling(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
         """Return the outcome of a sentence that may tell things and places by what was said and done before."""
         text, places = (sentence, ()) if self.control_word(sentence) else self.recalled(sentence)
-        text = without_names(text)
+        text = on_sides_of(without_names(text), self.now.viewpoint)
         outcome = self._answer(text, (*made, *places))
         return outcome if text == sentence else replace(outcome, sentence=sentence, unused=(), span=(0, len(sentence)))
 
@@ -325,8 +322,7 @@ class Dialogue(Conditions):
         if act == "again" or (act == "yes" and number > 1):
             return self._again(sentence, number, bool(LITTLE & {*words})) or self._nothing(sentence, "again")
         if act == "less" and self.done() is not None and self.last is not None:
-            back = partly_back(self.last)
-            return self._settle(sentence, back) if back is not None else self._undone(sentence, number)
+            return self._less(sentence, words) or self._undone(sentence, number)
         if act == "opposite":
             return self._turned_round(sentence) or self._nothing(sentence, act)
         if act == "yes" and asked is None and isinstance(did, Signal) and did.control in ("stop", "wait"):
@@ -375,33 +371,6 @@ class Dialogue(Conditions):
             )
             again = Reading((replace(again.steps[-1], places=places),))
         return self._settle(sentence, replace(again, unused=(), cost=0.0, times=number))
-
-    def _turned_round(self, sentence: str) -> Outcome | None:
-        """Return the plan that does the last one the other way round: what was put on something goes below it."""
-        done, last = self.done(), self.turns[-1].outcome if self.turns else None
-        if self.last is None or (isinstance(last, Refusal) and last.reading is not self.last):
-            return None
-        beside = {place.name for place in self.last.steps[-1].places} & {*_SIDED, "near", "direction"}
-        if re.search(r"\bside\b", sentence.lower()) and not beside:
-            return None
-        refused = isinstance(last, Refusal)  # on that side nothing was done
-        if not refused and (done is None or not isinstance(done.outcome, Plan)):
-            return None
-        steps = () if refused or done is None else getattr(done.outcome, "steps", ())
-        reading = opposite(self.last, steps, self.now) or self._across(self.last, steps)
-        return self._settle(sentence, reading) if reading is not None else None
-
-    def _across(self, last: Reading, steps: Sequence[Step]) -> Reading | None:
-        """Return the reading that puts a thing on the other side of what it was put next to."""
-        places = [place for place in last.steps[-1].places if place.name == "near" and place.anchors]
-        moved = next((step for step in reversed(steps) if step.carries and step.place is not None), None)
-        refs = self.planner().resolver(self.now, (), None).resolve(places[0].anchors[0]) if places else []
-        if moved is None or moved.place is None or not refs:
-            return None
-        dx, dy = moved.place[0] - refs[0].x, moved.place[1] - refs[0].y
-        along = {name: np.dot(self.now.toward(side), (dx, dy)) for name, side in _SIDED.items()}
-        place = RelationPhrase(min(along, key=lambda name: along[name]), places[0].anchors)
-        return Reading((Clause(CARRY, pinned(moved.object), (place,)),))
 
     def _agreed(self, sentence: str, act: str, asked: Question | None) -> Outcome | None:
         """Return what comes of a yes, or of leaving the choice to the robot."""

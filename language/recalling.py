@@ -36,6 +36,12 @@ _ONCE = re.compile(r"^(?:first|second|third|last|latest|previous) |(?:earlier|be
 _LAST = re.compile(r"\blast (?P<number>two|three)(?: ones| cubes| blocks| things)?(?= back\b)")
 _SAME = re.compile(r"\b(?:same )?(?:one|cube|block|thing) (?:as|from) (?:before|last time|earlier|just now)\b")
 _FIRST = re.compile(r"\b(?P<rank>first|second)(?: one)?\b(?! \w+ (?:from|on|of)\b)")
+_RANK = r"(?P<rank>first|second|third|fourth|last)"
+_NAMED_FIRST = re.compile(  # of the things that a question offered
+    rf"\b{_RANK}(?: one| cube| block| thing)? (?:(?:that |which )?you (?:have )?(?:just )?"
+    r"(?:mentioned|named|said|listed|offered|suggested|asked about)|of (?:those|these|them)$)"
+)
+_AGAIN = re.compile(rf"\b{_RANK}(?: (?P<noun>one|cube|block|thing))? (?=again\b|once more\b)")
 _STOOD = re.compile(
     r"(?:\b(?:to|in|at|on|onto|back|exactly) )*"
     r"\b(?:where (?P<what>(?!(?:it|they|that|this|you|i|we)\b)\w+(?: \w+){0,2}?)"
@@ -54,7 +60,7 @@ _CALLS = re.compile(
     r"|^(?P<what3>it|[\w ]+?)(?: 's|s)? name is (?P<name3>\w+)$"
 )
 _NO_NAME = frozenset(["a", "an", "it", "me", "us", "you", "when", "if", "back", "out", "up", "again", "one", "ones"])
-_RANKS = {"first": 0, "second": 1, "third": 2}
+_RANKS = {"first": 0, "second": 1, "third": 2, "fourth": 3, "last": -1}
 _COUNTS = {"two": 2, "three": 3}
 
 
@@ -151,7 +157,7 @@ class Recollections(Memory):
         things = [i for i in things if not meant or self.now.things[i].color in meant]
         things = [i for i in things if not cubes or self.now.is_loose(i)]
         rank, noun = said.get("rank") or "", said.get("noun") or ""
-        if rank in _RANKS or re.search(r" first$", match[0]):
+        if rank in ("first", "second", "third") or re.search(r" first$", match[0]):
             order, start = list(dict.fromkeys(things)), _RANKS.get(rank, 0)
         else:
             order, start = list(dict.fromkeys(reversed(things))), 0
@@ -166,9 +172,23 @@ class Recollections(Memory):
     def _by_order(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "the first" and "the second", where something was done with two things: "put the first on ..."."""
         things = list(dict.fromkeys(step.object for step in self._steps()))
-        found = list(_FIRST.finditer(_words(scan(sentence))))
+        text = _words(scan(sentence))
+        for match in _AGAIN.finditer(text):  # "now the first one again"
+            order = self._done_alike()
+            if match["noun"] and len(order) > 1 and abs(_RANKS[match["rank"]]) < len(order):
+                yield match, name(self.now, order[_RANKS[match["rank"]]])
+        asked = self.open_question()
+        for match in _NAMED_FIRST.finditer(text) if asked is not None else ():
+            if asked is not None and abs(_RANKS[match["rank"]]) < len(asked.candidates):
+                yield match, name(self.now, asked.candidates[_RANKS[match["rank"]]])
+        found = list(_FIRST.finditer(text))
         if len(things) == 2 and [match["rank"] for match in found] in (["first", "second"], ["second", "first"]):
             yield from ((match, name(self.now, things[_RANKS[match["rank"]]])) for match in found)
+
+    def _done_alike(self) -> list[int]:
+        """Return the things with which the same was done as with the last one, in the order in which that was."""
+        steps = self._steps()
+        return list(dict.fromkeys(step.object for step in steps if is_done(step, frozenset([steps[-1].act]))))
 
     def _by_stand(self, sentence: str) -> Iterator[tuple[re.Match[str], str | Gesture]]:
         text = _words(scan(sentence))
@@ -214,6 +234,34 @@ def is_done(step: Step, acts: frozenset[Act]) -> bool:
     return step.carries if step.carries and acts & moves else step.act in acts
 
 
+_WHOSE_SIDE = re.compile(
+    r"\b(?P<whose>my|your)(?: own)? (?P<side>left|right)\b(?!\s+(?:hand|palm|arm))"
+    r"|\b(?P<side2>left|right)\b(?:,?\s+(?:as |when |if )?(?:seen |looking |viewed )?(?:from (?P<whose2>my|your)"
+    r" (?:side|point of view|perspective|view|viewpoint|position|place)|from where (?P<i>i) (?:am|sit|stand)))",
+    re.IGNORECASE,
+)
+_IN_OTHER_WORDS = re.compile(  # "my left, so on your right"
+    r"(\b(?:my|your) (?:left|right)\b),?\s*\b(?:so|meaning|that is)\b,?\s*(?:on |to |at )?(?:my|your) (?:left|right)\b",
+    re.IGNORECASE,
+)
+_OWNER = {"robot": "your", "human": "my"}  # whose left is "left"
+_OTHER_SIDE = {"left": "right", "right": "left"}
+
+
+def on_sides_of(sentence: str, viewpoint: str) -> str:
+    """Return a sentence with "left" and "right" as seen from a viewpoint for "my left" and "the left from my side"."""
+
+    if re.search(r"\bor (?:mine|yours|my|your)\b|\bwhose\b", sentence, re.IGNORECASE):
+        return sentence
+
+    def seen(match: re.Match[str]) -> str:
+        side = (match["side"] or match["side2"]).lower()
+        whose = (match["whose"] or match["whose2"] or "my").lower()
+        return side if whose == _OWNER.get(viewpoint, whose) else _OTHER_SIDE[side]
+
+    return _WHOSE_SIDE.sub(seen, _IN_OTHER_WORDS.sub(r"\1", sentence))
+
+
 _NAME = re.compile(
     r"(?<![\w'-])(?!(?:She|He|They|You|We|It|This|That|There|Who|What|One|Everyone|Nobody|Somebody|Someone)\b)"
     r"(?P<name>[A-Z][a-z]{2,}|(?i:grand(?:pa|ma|dad|mum|father|mother)|mum|mom|daddy|mummy))(?P<own>'s)?\b"
@@ -223,10 +271,16 @@ _TELLS = re.compile(
 )
 _THAT_IS = re.compile(r",?\s*\b(?:i\.\s?e\.|that is to say|namely),?\s*")
 
+_I_SAID = re.compile(  # "hang on, I said the fridge, didn't I?"
+    r"^(?:(?:hang on|hold on|wait|hey|no|whoa|woah|excuse me|but)\b\W*)*(I (?:said|meant|told you|asked)\b.*?)"
+    r"(?:,?\s*\b(?:did(?:n.?t| not) I|did I not))?\W*$",
+    re.IGNORECASE | re.DOTALL,
+)
+
 
 def without_names(sentence: str) -> str:
     """Return a sentence with "my friend", "me" and "my" for what can only be names of people: "for Lisa"."""
-    sentence = _THAT_IS.sub(", ", sentence)
+    sentence = _I_SAID.sub(r"no, \1", _THAT_IS.sub(", ", sentence))
     if sentence.istitle() or sentence.isupper():
         return sentence
     known = vocabulary()

@@ -76,7 +76,6 @@ _HELD = re.compile(
     r"|(?:is |are )?in (?:your|robot) (?:gripper|hand|claw|fingers))\b"
 )
 _MEANT = re.compile(r"\b(?:meant|mean|sorry|oops|rather)\b", re.IGNORECASE)
-_WHOSE = re.compile(r"\b(?:my|your)\b", re.IGNORECASE)  # "I meant MY left"
 _BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "nearest")  # places beside another thing
 
 
@@ -98,8 +97,8 @@ class Replies(Recollections):
             return None  # a word is left out that may change the meaning
         if len(reply.steps) > 1 or clause.verb is not None:  # "no, take the blue one"
             return self._tried(sentence, [Reading(reply.steps)], found, restore=world.cells, back=True)
-        corrects = (reply.rejects or _MEANT.search(sentence)) and not _WHOSE.search(sentence)
-        if corrects and self.last is not None and (side := _on_other_side(self.last.steps[-1], clause)) is not None:
+        corrects = reply.rejects or _MEANT.search(sentence)
+        if corrects and self.last is not None and (side := on_other_side(self.last.steps[-1], clause)) is not None:
             return self._tried(sentence, [Reading((*self.last.steps[:-1], side))], found, restore=True)
         if asked is None and clause.entity is None and (other := self._other_place(sentence, clause)) is not None:
             return other
@@ -436,6 +435,9 @@ class Replies(Recollections):
         restored, moved = ({step.object for step in steps if step.carries} for steps in (back, plan.steps))
         if not restored or restored != moved or self.now.cells:
             return None
+        shifts = any(place.name == "direction" for step in reading.steps for place in step.places)
+        if shifts:  # from where it stood before
+            return plan if not any(step.goal is not None or step.act in (Act.OPEN, Act.SHUT) for step in back) else None
         planner = self.planner()
         outcome = settled(sentence, choices_of([reading], planner, found), planner)
         carried = {step.object for step in getattr(outcome, "steps", ()) if step.carries}
@@ -459,7 +461,7 @@ class Replies(Recollections):
         return replace(settled(sentence, choices_of([reading], planner), planner), sentence=sentence)
 
 
-def _on_other_side(last: Clause, said: Clause) -> Clause | None:
+def on_other_side(last: Clause, said: Clause) -> Clause | None:
     """Return the last clause with the thing on the side that is said: "the cube on the right", "I meant the left"."""
     entity, at = last.entity, said.places[0] if said.places and said.entity is None else None
     if entity is None or at is None or last.places or entity.kind != "thing":

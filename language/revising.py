@@ -154,6 +154,10 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
     if len(steps) > 1 and len(touched) == len(steps):  # in the other order
         return Reading(tuple(Clause(step.verb, pinned(step.object)) for step in reversed(steps)))
     carried = [step for step in steps if step.carries and not step.implied]
+    pair = {step.object: step.goal for step in carried}
+    if len(pair) == len(carried) == 2 and len({*pair.values()}) == 2 and None not in pair.values():
+        both = Entity("list", parts=tuple(map(pinned, pair)))
+        return Reading((Clause(doing(Act.SWAP), both),))
     if carried and carried[-1].goal is not None and world.is_loose(carried[-1].goal):
         on = RelationPhrase("on", (pinned(carried[-1].object),))
         return Reading((Clause(CARRY, pinned(carried[-1].goal), (on,)),))
@@ -163,7 +167,7 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
         verb = doing(Act.SHUT if clause.act is Act.OPEN else Act.OPEN)
         return Reading((*last.steps[:-1], replace(clause, verb=verb)))
     turned = tuple(
-        replace(place, name=_TURNED.get(place.name, place.name), value=_TURNED.get(place.value or "", place.value))
+        replace(place, name=TURNED.get(place.name, place.name), value=TURNED.get(place.value or "", place.value))
         for place in clause.places
     )
     same = (
@@ -177,7 +181,7 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
 def partly_back(last: Reading) -> Reading | None:
     """Return the reading that takes a bit of the last move back; None if that was no move to a side."""
     clause = last.steps[-1]
-    sides = [_TURNED.get(place.value or "") for place in clause.places if place.name == "direction"]
+    sides = [TURNED.get(place.value or "") for place in clause.places if place.name == "direction"]
     places = tuple(RelationPhrase("direction", measure=Measure(1.0, "bit"), value=side) for side in sides if side)
     return Reading((Clause(CARRY, Entity("it"), places),)) if places else None
 
@@ -193,7 +197,7 @@ def further(last: Reading) -> Reading:
 
 
 _PAIRS = (("left", "right"), ("front", "behind"), ("forward", "backward"), ("up", "down"), ("on", "under"))
-_TURNED = {one: other for pair in _PAIRS for one, other in (pair, pair[::-1])}
+TURNED = {one: other for pair in _PAIRS for one, other in (pair, pair[::-1])}
 
 
 def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:

@@ -252,6 +252,9 @@ class Several(Movers):
             return replace(done, cost=plan.cost, it=(one, other), topic=None)
         if not plan.world.inside.get(one) and plan.world.inside.get(other) is not None:
             one, other, first, second = other, one, second, first
+        for box in (first.on, second.on):
+            if box in plan.world.containers and box not in plan.world.open:
+                plan = self._opened_first(plan, box)
         spot = free_spot(plan.world, one, [_Wish(plan.world.center[0], plan.world.center[1], _anywhere)])
         steps = [(one, spot), (other, first)]
         if first.on not in plan.world.containers or second.on in plan.world.containers:

@@ -80,7 +80,7 @@ def test_a_word_that_may_be_either_of_two_verbs_is_asked_about():
 
 
 def test_a_length_that_cannot_be_kept_leads_to_no_other_place():
-    assert isinstance(answer("move the blue cube 15 cm to my right"), Refusal)
+    assert isinstance(answer("move the blue cube 15 cm to your right"), Refusal)
 
 
 def test_a_list_as_the_answer_to_a_question_is_not_cut_to_one_thing():

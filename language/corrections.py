@@ -1,0 +1,154 @@
+"""Corrections of single words: "next to, not on", "I said close", "the other way round", "half of it back".
+
+Words that stand for others of the last sentence are put in their place, and that is read again.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from language.lattice import Lattice
+from language.meanings import Clause, Measure, Reading, RelationPhrase
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
+from language.planning import CARRY
+from language.replies import Replies, on_other_side
+from language.revising import TURNED, opposite, partly_back, pinned
+from language.scanning import scan
+
+_SIDED = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
+_SAID = r"i (?:clearly |just |only )?(?:said|meant|mean|told you|asked (?:you )?(?:for|to))(?: to| you to)?"
+_LEAD = rf"(?:(?:no|hey|wait|hang on|hold on|oops|sorry|well|but|actually|stop|,|please|{_SAID}) )*"
+_NEW, _OLD = r"(?P<new>(?!not\b)\w+(?: (?!not\b)\w+){0,3}?)", r"(?P<old>\w+(?: \w+){0,3}?)"
+_REST = r"(?: [.,;](?: and)? (?P<rest>[\w ]+?)(?: i mean)?)?$"
+_CONTRASTS = (
+    re.compile(rf"^{_LEAD}{_NEW} (?:, |and |but )?(?:not|instead of|rather than) {_OLD}(?: of course)?{_REST}"),
+    re.compile(rf"^{_LEAD}not {_OLD} (?:, but|,|but) {_NEW}{_REST}"),
+    re.compile(rf"^(?=.*\b{_SAID}\b){_LEAD}{_NEW}(?: (?:, )?{_SAID})?{_REST}"),
+    re.compile(rf"^no (?:, )?{_NEW}$"),
+)
+_BARE = ("verb", "relation", "direction", "number")  # what is said without the rest of its clause
+
+
+@dataclass
+class Corrections(Replies):
+    """Does the last sentence with other words."""
+
+    def _answer(self, sentence: str, made: tuple) -> Outcome:
+        raise NotImplementedError
+
+    def copy(self) -> Corrections:
+        """Return a dialogue with the same memory, to try a sentence."""
+        raise NotImplementedError
+
+    def _contrasted(self, sentence: str) -> Outcome | None:
+        """Return what comes of the last sentence with some other words: "next to, not on"; None of other sentences."""
+        text = " ".join(token.text for token in scan(sentence)).rstrip(" .!?")
+        last = next((turn for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
+        match = next(filter(None, (pattern.match(text) for pattern in _CONTRASTS)), None) if last else None
+        if match is None or last is None or self.now.cells:
+            return None
+        said = match.groupdict()
+        meant = _with_words(last.sentence, said["new"], said.get("old") or "")
+        if meant is None:
+            return None
+        again = f"{said['new']} {said['rest']}" if said.get("rest") else meant
+        trial = self.copy()
+        trial.world, trial.turns = last.world, [turn for turn in self.turns if turn is not last]
+        outcome = trial._answer(again, ())
+        if isinstance(last.outcome, Plan) and isinstance(outcome, Plan) and outcome.reading is not None:
+            return self._tried(sentence, [outcome.reading], restore=True)
+        if isinstance(last.outcome, Plan):
+            outcome = self.copy()._answer(again, ())
+        return replace(outcome, sentence=sentence) if isinstance(outcome, Plan | Question) else None
+
+    def _less(self, sentence: str, words: Sequence[str]) -> Outcome | None:
+        """Return the plan that takes a part of the last move back: a bit, or half of it; None if it was no move."""
+        done = self.done()
+        if done is None or self.last is None:
+            return None
+        back = partly_back(self.last)
+        if back is None:
+            return None
+        moved = next((s for s in reversed(getattr(done.outcome, "steps", ())) if s.place is not None), None)
+        if "half" in words and moved is not None and moved.place is not None:
+            start = done.world.things[moved.object]
+            half = Measure(0.5 * math.dist((start.x, start.y), moved.place), "1")
+            clause = back.steps[-1]
+            back = Reading((replace(clause, places=tuple(replace(each, measure=half) for each in clause.places)),))
+        return self._settle(sentence, back)
+
+    def _turned_round(self, sentence: str) -> Outcome | None:
+        """Return the plan that does the last one the other way round: what was put on something goes below it."""
+        done, last = self.done(), self.turns[-1].outcome if self.turns else None
+        if self.last is None or (isinstance(last, Refusal) and last.reading is not self.last):
+            return None
+        if (other := _other_side(self.last.steps[-1])) is not None:  # "no, the other left"
+            return self._tried(sentence, [Reading((*self.last.steps[:-1], other))], restore=True)
+        beside = {place.name for place in self.last.steps[-1].places} & {*_SIDED, "near", "direction"}
+        if re.search(r"\bside\b", sentence.lower()) and not beside:
+            return None
+        refused = isinstance(last, Refusal)  # on that side nothing was done
+        if not refused and (done is None or not isinstance(done.outcome, Plan)):
+            return None
+        steps = () if refused or done is None else getattr(done.outcome, "steps", ())
+        reading = opposite(self.last, steps, self.now) or self._across(self.last, steps)
+        return self._settle(sentence, reading) if reading is not None else None
+
+    def _across(self, last: Reading, steps: Sequence[Step]) -> Reading | None:
+        """Return the reading that puts a thing on the other side of what it was put next to."""
+        places = [place for place in last.steps[-1].places if place.name == "near" and place.anchors]
+        moved = next((step for step in reversed(steps) if step.carries and step.place is not None), None)
+        refs = self.planner().resolver(self.now, (), None).resolve(places[0].anchors[0]) if places else []
+        if moved is None or moved.place is None or not refs:
+            return None
+        dx, dy = moved.place[0] - refs[0].x, moved.place[1] - refs[0].y
+        along = {name: np.dot(self.now.toward(side), (dx, dy)) for name, side in _SIDED.items()}
+        place = RelationPhrase(min(along, key=lambda name: along[name]), places[0].anchors)
+        return Reading((Clause(CARRY, pinned(moved.object), (place,)),))
+
+
+def _other_side(clause: Clause) -> Clause | None:
+    """Return a clause about the thing on one side as one about that on the other side; None of other clauses."""
+    entity = clause.entity
+    if entity is None:
+        return None
+    exact = getattr(getattr(clause.instruction, "phrase", None), "superlative", None) or ""
+    anchors = [anchor for relation in entity.relations for anchor in relation.anchors if anchor.kind == "side"]
+    sides = [*entity.sides, entity.superlative, exact.removesuffix("most"), *(s for a in anchors for s in a.sides)]
+    side = next((TURNED[side] for side in sides if side in ("left", "right")), None)
+    return on_other_side(clause, Clause(None, None, (RelationPhrase("direction", value=side),))) if side else None
+
+
+def _with_words(sentence: str, new: str, old: str) -> str | None:
+    """Return a sentence with other words for some of it; None if nothing says for which.
+
+    old: the words that were wrong; "": those of the same kind as the new ones.
+    """
+    tokens = scan(sentence)
+    texts = [token.text for token in tokens]
+    lattice, said, wrong = Lattice(tokens), Lattice(scan(new)), [token.text for token in scan(old)]
+    size = len(wrong)
+    at = [(i, i + size) for i in range(len(texts) - size + 1) if texts[i : i + size] == wrong] if size else []
+    measured = len(said) == 2 and said.get(0, "number") and said.get(1, "unit")
+    whole = (each for each in _BARE if any(edge.end == len(said) for edge in said.get(0, each)))
+    kind = "number" if measured else next(whole, None)
+    if kind is None:
+        return None
+    new = {"number": new.split()[0]}.get(kind, f"{new} of" if new == "on top" else new)
+    if not at:
+        at = [(i, edge.end) for i in range(len(lattice)) for edge in lattice.get(i, kind) if not edge.cost]
+        longest = [
+            each
+            for each in at
+            if not any(first <= each[0] and each[1] <= end and (first, end) != each for first, end in at)
+        ]
+        at = longest[:1] if kind == "verb" else longest[-1:]
+    if not at:
+        return None
+    first, last = at[-1]
+    return " ".join([*texts[:first], new, *texts[last:]])
