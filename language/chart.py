@@ -116,6 +116,7 @@ class NounPhrases:
             if not known.keys() & {"colors", "superlative", "single", "size", "role"}:
                 found.append(_item(draft, edge.end, edge.cost, start, kind=edge.value))
         if not known:
+            found += [_item(draft, edge.end, edge.cost, start, kind="mutual") for edge in self._get(at, "each_other")]
             for edge in self._get(at, "pronoun"):
                 many = any(word in _MANY for word in edge.value.split())
                 sure = 0.15 * (edge.end > at + 1 and self._lattice.table)  # "that one" is no thing of its own
@@ -342,6 +343,10 @@ class Chart:
                 anchors = (Entity("spot", pointed=start, span=span),) if shown else ()
                 cost = edge.cost + costs.BARE_PLACE * (category in ("into", "home"))
                 found.append(Item(edge.end, RelationPhrase(category, anchors, value=edge.value, span=span), cost))
+        for edge in get(start, "mutual"):
+            span = (start, edge.end)
+            together = RelationPhrase(edge.value, (Entity("mutual", span=span),), span=span)
+            found.append(Item(edge.end, together, edge.cost))
         for edge in get(start, "direction"):
             measures = [item for item in self.measure(edge.end) if item.value.unit != "bit" or item.end > edge.end]
             for item in [Item(edge.end, None, 0.0), *measures]:

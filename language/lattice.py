@@ -24,6 +24,7 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "region": words.REGIONS,
     "role": words.TABLE["roles"],
     "relation": words.TABLE["relations"],
+    "mutual": words.TABLE["mutual"],
     "direction": words.TABLE["directions"],
     "side": words.TABLE["sides"],
     "superlative": words.TABLE["superlatives"],

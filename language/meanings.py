@@ -55,7 +55,8 @@ class RelationPhrase:
 class Entity:
     """A phrase for things, stacks, regions of the board or a participant.
 
-    kind: "thing", "stack", a key of `words.REGIONS`, "it", "spot" (what a gesture shows) or "list" (all its parts).
+    kind: "thing", "stack", a key of `words.REGIONS`, "it", "spot" (what a gesture shows), "list" (all its parts)
+        or "mutual" (each other).
     noun: the kind of thing, or None for any.
     colors: each a tuple of the colours that it may mean. sides: words such as "left" and "back".
     superlative: a key of `words.SUPERLATIVES`. ordinal: a rank from 1, or -1 for the last. number: a count.

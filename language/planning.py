@@ -12,7 +12,7 @@ from itertools import pairwise
 from language import costs
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.revising import only_verb, unfit
-from language.several import Several
+from language.several import Several, is_mutual
 from language.steps import (
     BOXES,
     CARRY,
@@ -75,7 +75,7 @@ class Planner(Several):
     def judge(self, entity: Entity) -> float:
         """Return the cost of what a phrase denotes in the first world; for the chart."""
         self._spend()
-        if entity.kind in ("it", "robot", "person", "board", "cell", "gap", "side", "center", "edge", "list"):
+        if entity.kind in ("it", "robot", "person", "board", "cell", "gap", "side", "center", "edge", "list", "mutual"):
             return 0.0
         if self.world.held is not None or entity.other or isinstance(entity.pointed, int):
             return 0.0
@@ -105,6 +105,8 @@ class Planner(Several):
             yield plan if not refs else replace(plan, box=refs[0].things[-1], it=refs[0].things[-1:])
         elif act is None:
             yield from self._fragment(plan, clause, last)
+        elif any(is_mutual(place) for place in clause.places):
+            yield from self._mutual(plan, clause)
         elif plan.topic is not None and clause.entity is not None and act is not Act.SWAP and not _spoken(clause):
             yield replace(self._unsaid(plan), cost=plan.cost + 1.0)
         elif act in (Act.NEVER, Act.TIDY):
@@ -196,7 +198,8 @@ class Planner(Several):
         elif before is not None and before.act is not None and plan.steps and last and before.act not in BOXES:
             yield from self._same_again(plan, clause, before)
         else:
-            it = tuple(dict.fromkeys(things)) if entity.plural or entity.kind == "list" else tuple(things[:1])
+            many = entity.plural or entity.kind == "list" or (entity.number or 1) > 1
+            it = tuple(dict.fromkeys(things)) if many else tuple(things[:1])
             yield replace(plan, topic=clause, it=it, mentioned=it, cost=plan.cost + refs[0].cost)
 
     def _same_again(self, plan: Draft, clause: Clause, before: Clause) -> Iterator[Draft]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest, extent
+from language.spots import Rest, extent, pair_of
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
@@ -368,8 +368,7 @@ def _between(world: WorldModel, ref: Ref, anchors: Sequence[Anchors]) -> float |
         span = abs(one.x - other.x) + abs(one.y - other.y)
         if set(ref.things).isdisjoint(one.things + other.things) and away < 0.5 * span:
             costs_found.append(one.cost + other.cost + away / max(span, 1e-9) + 0.1 * span / world.pitch)
-    least = min(costs_found, default=None)
-    return least
+    return min(costs_found, default=None)
 
 
 class Resolver:
@@ -512,15 +511,15 @@ class Resolver:
     def _select(self, entity: Entity, refs: list[Ref], relation: RelationPhrase) -> list[Ref]:
         if relation.name == "direction":
             return self._toward(refs, (relation.value or "",), entity.number or 1)
-        if relation.name == "farthest":
-            return self._nearest(refs, relation.anchors[0], -1.0, entity.number or 1)
-        anchor = relation.anchors[0]
-        if (entity.number or 1) > 1 and anchor.kind == "side" and anchor.sides and not self.world.cells:
-            return self._toward(refs, anchor.sides, entity.number or 1)
+        anchor, number, sign = relation.anchors[0], entity.number or 1, -1.0 if relation.name == "farthest" else 1.0
+        if anchor.kind == "mutual":  # "the two cubes that are closest together"
+            return pair_of(refs, sign) if number == 2 else []
+        if number > 1 and anchor.kind == "side" and anchor.sides and not self.world.cells and sign > 0:
+            return self._toward(refs, anchor.sides, number)
         if relation.name == "near":
             touching = self._related(refs, RelationPhrase("beside", relation.anchors))
-            return touching or self._nearest(refs, relation.anchors[0])
-        return self._nearest(refs, relation.anchors[0], 1.0, entity.number or 1)
+            return touching or self._nearest(refs, anchor)
+        return self._nearest(refs, anchor, sign, number)
 
     def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0, number: int = 1) -> list[Ref]:
         """Return the referents that are nearest to the anchor, or, with sign -1, farthest from it."""

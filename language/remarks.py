@@ -136,7 +136,9 @@ def without_remarks(found: list[Token]) -> list[Token]:
         if part in asking or not asks_nothing(part.text):
             kept += part.words
         elif (named := _NAMED.search(part.text)) and not kept and refers:  # what "it" means afterwards
-            first, last = part.text[: named.start()].count(" "), part.words[-1]
+            both = _BOTH.search(part.text) if re.search(r"\b(?:them|both)\b", asking[-1].text) else None
+            named, last = both or named, part.words[-1]
+            first = part.text[: named.start()].count(" ")
             kept += [*part.words[first : first + len(named[0].split())], Token(".", last.start, last.end)]
     return kept or found
 
@@ -219,6 +221,7 @@ def _unsigned(found: list[Token]) -> list[Token]:
     return found[: text[: signed.start()].count(" ")]
 
 
+_BOTH = re.compile(rf"\b(?:{COLOR})(?: \w+)? and (?:{COLOR})\b(?: (?:cube|block|one|box|brick|piece)s?\b)?")
 _NAMED = re.compile(
     rf"\b(?:{COLOR}) (?:cube|block|one|box|brick|piece)\b|\b(?:{COLOR})\b(?! drawer| fridge)"
     r"|\b(?:drawer|fridge|refrigerator|button|lever|wheel)\b"

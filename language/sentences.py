@@ -23,6 +23,7 @@ KEPT_CLAUSES, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _BROUGHT = (Act.CARRY, Act.LOWER, Act.GIVE, Act.REMOVE, Act.STORE)
 PLACED = (*_BROUGHT, Act.TAKE, Act.HOLD, Act.OPERATE, Act.UNSTACK)  # with a place
 ARRANGED = (Act.BUILD, Act.GATHER)
+_ON_BOTH = (*ARRANGED, Act.SWAP)
 BARE = (Act.OPEN, Act.SHUT, Act.OPERATE, Act.GIVE, Act.TAKE, Act.UNSTACK, Act.TIDY, Act.EMPTY)  # without an object
 
 
@@ -221,15 +222,10 @@ class _Sentences:
     def _clause(self, at: int) -> list[Item]:
         found = []
         for edge in self.lattice.get(at, "verb"):
-            found += [
-                Item(i.end, i.value, i.cost + edge.cost, i.skipped) for i in self._with_verb(edge.value, edge.end, at)
-            ]
+            found += [i._replace(cost=i.cost + edge.cost) for i in self._with_verb(edge.value, edge.end, at)]
         for edge in self.lattice.get(at, "never"):
-            found += [
-                Item(i.end, replace(i.value, negated=True, span=(at, i.end)), i.cost, i.skipped)
-                for i in self.clauses(edge.end)
-                if i.value.verb is not None
-            ]
+            done = [i for i in self.clauses(edge.end) if i.value.verb is not None]
+            found += [i._replace(value=replace(i.value, negated=True, span=(at, i.end))) for i in done]
             found += self._contrasted(edge.end)
         return found + self._without_verb(at)
 
@@ -304,10 +300,12 @@ class _Sentences:
             return [*self._never(verb, at, start), *self._thrown(verb, at, start)]
         if act in ARRANGED:
             built = self._building(verb, at, start)
-            pairs = [(i, place) for i in built for place in self.places(i.end)]
-            return built + [
-                Item(p.end, replace(i.value, places=p.value), i.cost + p.cost, i.skipped | p.skipped) for i, p in pairs
-            ]
+            for i, place in [(item, place) for item in built for place in self.places(item.end)]:
+                what = i.value.entity  # "stack the two cubes on the right" rather says which two
+                which = costs.TAKEN_SOMEWHERE * (what.kind == "thing" and what.span[0] == at and bool(what.number))
+                clause = replace(i.value, places=place.value)
+                built = [*built, Item(place.end, clause, i.cost + place.cost + which, i.skipped | place.skipped)]
+            return built
         found = [] if act is not Act.LOWER else [Item(at, Clause(verb, span=(start, at)), 0.0)]
         if act in BARE:
             found.append(Item(at, Clause(verb, span=(start, at)), costs.NO_OBJECT + 0.3))
@@ -522,7 +520,8 @@ class _Sentences:
         for gap in self.lattice.gaps(entity.end):
             for edge in [*self.lattice.get(gap.end, "done"), *self.lattice.get(gap.end, "verb")]:
                 act = KNOWN[edge.value].act
-                if gap.cost or act in (Act.NEVER, Act.BUILD, Act.TOUCH, Act.TIDY, Act.SWAP):
+                both = edge.category == "done" and is_several(entity.value)  # "the two cubes should be stacked"
+                if gap.cost or act in (Act.NEVER, Act.TOUCH, Act.TIDY) or (act in _ON_BOTH and not both):
                     continue
                 cost = entity.cost + edge.cost + costs.PARTICIPLE + (0.0 if edge.category == "done" else 0.3)
                 ends = [

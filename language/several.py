@@ -14,12 +14,14 @@ from language import costs
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.movers import Movers
 from language.places import GRID, ONTO, SHARES, _anywhere, _Wish, free_spot
+from language.referents import thing_ref
 from language.revising import pinned
 from language.spots import Point, Spot, a_name, settle
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle
 from language.verbs import Act, doing
 from language.world import WorldModel
 
+CLOSE = 1.7  # widths between the middles of things up to which one is next to the other already
 GRIPS_ONE = "my gripper takes one thing at a time"
 
 
@@ -108,8 +110,12 @@ class Several(Movers):
         if entity.kind == "it":
             home = any(place.name == "home" for place in clause.places)
             return self._them(plan, act, entity, home)
-        refs = self.resolver(world, plan.it, None, plan.mentioned, plan.box).resolve(entity)
+        resolver = self.resolver(world, plan.it, None, plan.mentioned, plan.box)
+        refs = resolver.resolve(entity)
         refs = [ref for ref in refs if ref.things and all(allows(world, act, i) for i in ref.things[-1:])] or refs
+        if entity.number and entity.kind == "thing":  # "the two on the right": of what the verb can act on
+            fit = [i for i, each in enumerate(world.things) if allows(world, act, i) and not each.target]
+            refs = [thing_ref(world, i) for i in resolver.among(entity, fit)] or refs
         alone = [ref for ref in refs if len(ref.things) == 1] if act in (Act.BUILD, Act.GATHER) else refs
         things = list(dict.fromkeys(i for ref in alone or refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
         things = [i for i in things if not world.things[i].target] or things  # "all cubes" moves the real ones
@@ -319,6 +325,44 @@ class Several(Movers):
         arbitrary = plan.arbitrary or bool(entity.number)
         return replace(done, cost=plan.cost, it=tuple(ordered), arbitrary=arbitrary, topic=None)
 
+    def _mutual(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
+        """Yield the plans that put several things in a relation to each other: the first one moves, or the second."""
+        entity, place = clause.entity or Entity("it", plural=True), next(p for p in clause.places if is_mutual(p))
+        places = tuple(each for each in clause.places if each is not place)
+        if entity.other and self.recent:  # "and the rest, too": next to what was moved
+            yield self._joined_to(plan, replace(clause, places=places), place)
+            return
+        named = entity.kind in ("list", "it") or entity.every
+        phrase = entity if named else replace(entity, every=not entity.number, any=bool(entity.number))
+        if place.name in ("on", "over"):
+            phrase = replace(entity, parts=entity.parts[::-1]) if entity.kind == "list" else entity
+            yield self._build(plan, replace(clause, verb=doing(Act.BUILD), entity=phrase, places=places))
+            return
+        things = self._several(plan, replace(clause, verb=doing(Act.GATHER)), phrase)
+        if isinstance(things, Draft) or len(things) != 2:
+            row = replace(clause, verb=doing(Act.GATHER), entity=phrase, places=places)
+            yield things if isinstance(things, Draft) else self._build(plan, row)
+            return
+        name = "near" if place.name in ONTO else place.name  # "touch each other", "to each other"
+        for cost, (index, other) in enumerate((things, things[::-1])):
+            anchors = tuple(pinned(other) if a.kind == "mutual" else a for a in place.anchors)
+            done = self._placed_once(plan, index, (replace(place, name=name, anchors=anchors), *places))
+            yield replace(done, cost=done.cost + costs.ANOTHER_OBJECT * cost, it=tuple(things), topic=None)
+
+    def _joined_to(self, plan: Draft, clause: Clause, place: RelationPhrase) -> Draft:
+        """Return the plan that puts the rest of some things next to what was moved last, where some are already."""
+        entity, last = clause.entity, self.recent[0]
+        assert entity is not None
+        rest = self._several(plan, clause, replace(entity, every=True))
+        if isinstance(rest, Draft):
+            return rest
+        at, width = plan.world.things[last][2:4], plan.world.things[last].width
+        away = [i for i in rest if i != last and math.dist(plan.world.things[i][2:4], at) > CLOSE * width]
+        if not entity.every and len(away) > 1:
+            return replace(plan, failure="several", reason="several", entity=entity, candidates=tuple(away))
+        parts, beside_it = tuple(pinned(i) for i in away), replace(place, anchors=(pinned(last),))
+        return self._each(plan, replace(clause, entity=Entity("list", parts=parts), places=(beside_it, *clause.places)))
+
     def _rank(self, world: WorldModel, index: int, stacks: bool) -> tuple[float, ...]:
         """Return what sorts things whose order is not said: by the tower they are in, or from left to right."""
         thing = world.things[index]
@@ -393,6 +437,11 @@ class Several(Movers):
                 plan, index, (RelationPhrase("here", (Entity("spot", pointed=Gesture((), (x, y))),)),)
             )
         return plan
+
+
+def is_mutual(place: RelationPhrase) -> bool:
+    """Whether a place says where several things are to each other: "next to each other"."""
+    return any(anchor.kind == "mutual" for anchor in place.anchors)
 
 
 def towers_of(world: WorldModel, things: Sequence[int]) -> list[tuple[int, ...]]:

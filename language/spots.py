@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
 
 from language import costs
 from language.meanings import RelationPhrase
@@ -141,6 +142,12 @@ def old_place(then: WorldModel, now: WorldModel, index: int, rests: Mapping[int,
         return left
     thing = now.things[index]
     return rests.get(index) or (*now.home.get(index, (thing.x, thing.y)), None)
+
+
+def pair_of(things: Sequence[Any], sign: float = 1.0) -> list[Any]:
+    """Return the two of some things, each with x and y, that are closest together; with sign -1, farthest apart."""
+    apart = lambda pair: sign * math.dist((pair[0].x, pair[0].y), (pair[1].x, pair[1].y))  # noqa: E731
+    return list(min(combinations(things, 2), key=apart, default=()))
 
 
 def extent(world: WorldModel, index: int) -> float:
