@@ -12,9 +12,9 @@ from rapidfuzz.distance import OSA
 from language.costs import SPELLING
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
-from language.remarks import command
+from language.remarks import command, is_chat
 from language.scanning import Token, scan, verb_words
-from language.words import CONTROLS, TABLE, colors, nouns, phrases
+from language.words import CONTROLS, FILLERS, TABLE, colors, nouns, phrases
 
 MARKS = ".,;:!?"
 _JOINS = (",", "and", "then", ";")
@@ -148,6 +148,13 @@ def parts_of(sentence: str) -> list[Part]:
     return [part._replace(act=None) if side else part for part, side in zip(found, sided, strict=True)]
 
 
+def says_nothing(part: Part) -> bool:
+    """Whether a part is small talk, about people or the occasion, or a few words that name nothing: "cheese!"."""
+    strange = [word for word in part.words if len(word) > 1 and word not in FILLERS]
+    cry = len(part.words) <= 3 and not any(word in vocabulary() or word in STRANGERS for word in strange)
+    return part.act == "social" or (part.act is None and (cry or is_chat(part.words)))
+
+
 # ---- Sentences without what says nothing more
 
 
@@ -255,7 +262,13 @@ _TAGGED = (  # without a comma not "and I want to have it"
     r"(?:not )?(?:you|it|they|he|that|there)(?: not)?"
 )
 _ASKER = r"(?:someone|everyone|my \w+|grand\w+|mum|mom|dad)"
+_FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
+_HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
+_IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
+    (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),
+    (rf"(?:in )?what {_HOW_IT_IS} (?:is|are) (.+?)(?: in| at)?", r"how is \1"),
+    (rf"what (?:has|is|does) ({_FIXED}) (?:got|have|hold|contain|hide|store)(?: {_IN_IT})?", r"what is in \1"),
     (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
     (r"why you (?:do|would|could|can) not (.+)", r"why do not you \1"),
     (r"where (?:it is|they are) (.+)", r"where is \1"),

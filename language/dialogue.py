@@ -24,6 +24,7 @@ from language.acts import (
     proposal,
     question,
     says,
+    says_nothing,
     without_idle,
 )
 from language.conditions import Conditions
@@ -163,14 +164,14 @@ class Dialogue(Conditions):
     def _beside_chat(self, sentence: str, parts: list[Part], made: tuple[Gesture, ...]) -> Outcome | None:
         """Return what the other parts of a sentence come to, where a part is chat in words that are not all known."""
         for part in parts if len(parts) > 1 else ():
-            if part.mark != "?" and (part.act == "social" or (part.act is None and is_chat(part.words))):
+            if part.mark != "?" and says_nothing(part):
                 mark = len(sentence[part.end :]) - len(sentence[part.end :].lstrip(" ,;:!-"))
                 rest = f"{sentence[: part.start]}{' ' * (part.end + mark - part.start)}{sentence[part.end + mark :]}"
                 trial = self.copy()
                 outcome = trial._answer(rest, made)
                 if not isinstance(outcome, Refusal) and (not isinstance(outcome, Question) or outcome.choices):
                     self.homeward = trial.homeward
-                    return replace(outcome, sentence=sentence)
+                    return outcome
         return None
 
     def _stated(self, sentence: str, parts: list[Part]) -> Answer | None:

@@ -206,6 +206,12 @@ class Lattice:
         """Whether a word is no word of the lexicon, but similar to some."""
         return any(cost for _, cost in self.variants[index])
 
+    def is_call(self, index: int) -> bool:
+        """Whether a word that is not known calls somebody: marks part it from all others, "the red one, chief"."""
+        word, ends = self.text(index), ("", ",", ".", "!", "?")
+        apart = (index == 0 or self.text(index - 1) == ",") and self.text(index + 1) in ends and len(self) > 2
+        return apart and index in self.unknown and word not in STRANGERS
+
     def is_head(self, index: int) -> bool:
         """Whether a word names a colour, a kind of thing or all of several."""
         nouns = {edge.value for edge in self.get(index, "noun")} - {"cube", "thing"}

@@ -488,6 +488,15 @@ class Questions(Comparisons):
         self.things = things
         return "; ".join(self._told(i, "place") for i in things[:3])
 
+    def how(self, match: re.Match[str]) -> str | None:
+        """Say how a container is and what it holds, in which position a device is, or where a loose thing is."""
+        things = self.subject(match[1])
+        if not things:
+            return None
+        self.things, boxes = things, [i for i in things if i in self.world.containers]
+        told = [self._told(i, "state" if i in boxes or not self.world.is_loose(i) else "place") for i in things[:3]]
+        return "; ".join([*told, *(self._told(i, "content") for i in boxes[:3])])
+
     def capacity(self, match: re.Match[str]) -> str | None:
         """Say how many things a container or the hand holds."""
         text = match[1] or match[2] or ""

@@ -104,6 +104,12 @@ _LIMITS = (  # words that change what is to be done
 )
 
 
+_LEAVING = re.compile(
+    r"\b(?:i|we|he|she|they) (?:will |am |are |have to |must )?(?:go|going|goes|leave|leaving)(?: to| off)?"
+    r"(?: bed| sleep| home| work| out| school| shopping)*(?: now| soon)?(?=$| and\b)"
+)
+
+
 class _Part(NamedTuple):
     """A part of a sentence: its words, as text without the mark after it, and the mark."""
 
@@ -115,6 +121,7 @@ class _Part(NamedTuple):
 def is_chat(words: Sequence[str]) -> bool:
     """Whether a part of a sentence is about people or the occasion: it names nothing, and no act, place or limit."""
     text = re.sub(r"^(?:(?:and|but|so|because|since|cause|for|well|oh|ok|okay|hey|hmm|as) )+", "", " ".join(words))
+    text = _LEAVING.sub("we agree", text)
     if re.match(r"(?:i|we|he|she|they|my \w+) (?:will|would|want|wants|need|needs|shall|should|must|wish)\b", text):
         return False
     told = rf"\b(?:{_THING}|{_PLACE}|{_LIMITS}|{verb_words()})\b"

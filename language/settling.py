@@ -245,6 +245,8 @@ def matters(lattice: Lattice, index: int) -> bool:
     if index >= len(lattice):
         return False
     edges = lattice.edges[index]
+    if lattice.is_call(index):
+        return False
     if index in lattice.unknown or lattice.is_corrected(index):
         after = lattice.edges[index + 1].keys() if index + 1 < len(lattice) else set()
         if {"noun", "color", "size"} & after and index > 0:  # an adjective; alone it may say which cube

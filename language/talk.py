@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 
 from language import costs
 from language.chart import Chart
@@ -103,7 +104,7 @@ def listed(names: Sequence[str], join: str = "and") -> str:
 def said(world: WorldModel, steps: Sequence) -> str:
     """Return steps in words: "take the red cube and put it in the drawer"."""
     parts = []
-    for step, after in zip(steps, [*steps[1:], None], strict=True):
+    for step, after in zip_longest(steps, steps[1:]):
         if step.takes and after is not None and after.object == step.object and after.carries:
             continue
         parts.append(_step(world, step))

@@ -313,3 +313,43 @@ def test_what_people_say_in_their_own_english_is_done(sentence, state, steps):
 
 def test_why_a_thing_cannot_go_so_far_is_the_reach_and_not_the_verb():
     assert "outside what the arm reaches" in said("shift the blue cube 20 cm to the right").text
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("Captain, close the drawer", "B", ["close drawer"]),
+        ("give me the orange one, chief", "A", ["hand_over orange hand"]),
+        ("yummy cookies! close the fridge", "F", ["close fridge"]),
+        ("please shut the fridge, it is late and we go home now", "F", ["close fridge"]),
+        ("put the blue one where the transparent cube is", "A", ["pick_and_place blue target"]),
+        ("aight, press the button", "A", ["press button"]),
+        ("which way does the wheel turn? no, don't tell me, just turn it", "A", ["turn wheel"]),
+        ("do this three times: switch the lever", "A", ["switch lever"] * 3),
+    ],
+)
+def test_calls_and_cries_beside_a_command_change_nothing(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+def test_a_corner_that_is_told_in_two_parts_is_one_place():
+    x, y = place("put the cyan cube in the right corner, the one closest to you")
+    assert x < 0.35
+    assert y < -0.15
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "told"),
+    [
+        ("drawer status?", "B", "drawer is open"),
+        ("how is the fridge?", "I", "yellow cube is in the red fridge"),
+        ("what state is the lever in?", "A", "lever is down"),
+        ("wheel position?", "A", "wheel"),
+        ("what has the drawer got in it?", "I", "red cube is in the blue drawer"),
+        ("what does the fridge hold?", "A", "Nothing is in the fridge"),
+    ],
+)
+def test_a_state_is_told_whatever_it_is_called(sentence, state, told):
+    outcome = said(sentence, state)
+    assert isinstance(outcome, Answer), outcome
+    assert told in outcome.text
