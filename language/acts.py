@@ -174,7 +174,7 @@ def without_idle(sentence: str, parts: list[Part]) -> str:
         elif not (said and part.act != "social"):
             kept = "no" if corrects else ""
             sentence = f"{sentence[: part.start]}{kept.ljust(part.end - part.start)}{sentence[part.end :]}"
-    return sentence
+    return re.sub(r"^\W*no\b(?:\W*[,.;!]\W*no\b)*\W*[.;!]\W+(?=\w)", lambda m: "no,".ljust(len(m[0])), sentence)
 
 
 def beside_home(sentence: str) -> tuple[int, int]:
@@ -224,6 +224,7 @@ _AT_ONCE = re.compile(
     r"^(?:can|could|are) you .*\b(?:two|three|both|several|many|more than one)\b.*"
     r" (?:at once|at same time|simultaneously)$"
 )
+_OR_IS = re.compile(r"^(?:can|could) you .* or (?:is|are) (?:it|they|there|something|anything)\b")
 _ASKING = re.compile(
     r"^(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|did|will|do|can)\b))\b(?! (?:about|if)\b)"
     r"|^(?:is|are|was|were|does|did|has|am) |^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
@@ -239,6 +240,7 @@ _ASKING = re.compile(
     r" (?:two|three|both|more|several|many|all|another)\b"
     r"|^(?:help|help me|help please|i need help|commands|options|instructions|anything else)$"
     r"|^have you |^list "
+    rf"|{_OR_IS.pattern}"
     r"|^(?:your|my) (?:left|right)\b.* or (?:mine|yours|my|your)\b|^(?:left|right) (?:from|as|for|of) .*\bwho"
     r"|^(?:can|could|would) you .* if i (?:asked|told|wanted|ask|tell|want)(?: you)?(?: to)?$"
     r"|^describe (?!how)|^(?:any(?! chance| way| possibility)|some|anything|something)\b"
@@ -276,6 +278,16 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"(how many \w+) there (?:is|are) (.+)", r"\1 are there \2"),
     (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?(.+?){_TAGGED}", r"\2 \1 \3"),
     (r"(is|are|was|were|does|did|has) not (.+)", r"\1 \2"),
+    (
+        r"((?:apart from|aside from|except(?: for)?|besides|other than|not counting) .+?)(?: ,)?"
+        r" ((?:is|are|what|which|how many|who|do you|does)\b.+)",
+        r"\2 \1",
+    ),
+    (
+        r"(?:has|did|have) (?:some ?body|someone|any ?body|anyone|i|you|we|they|he|she)(?: just| maybe)?"
+        r" (?:leave|left|keep|kept) (.+?) (open|closed|shut)",
+        r"is \1 \2",
+    ),
     (r"(?:and )?(?:what )?(?:about |was |came |happened |did you do )?before that", "what did you do before that"),
     (r"(?:when|if|whether|once) you are (ready|done|finished|there)", r"are you \1"),
     (r"(?:you |have you |you have )?got (any\w*|some\w*|an? \w+) ((?:in|on|under) .+)", r"is there \1 \2"),
@@ -359,7 +371,7 @@ def question(text: str) -> str | None:
     named += r"|what(?:ever)? (?:is|stands|lies|sits)\b.* (?:belongs|goes|should|must|needs|has to|ought)\b"
     named += r"|what(?:ever)? \w+ (?:holds|contains|hides) .*\b(?:on|in|to)\b"
     requests = plain != asked and re.match(rf"(?:{verb_words()}|let go)\b", plain) and not _PROPOSED.match(asked)
-    requests = requests and not ABLE.match(asked) and not _AT_ONCE.match(asked)
+    requests = requests and not any(each.match(asked) for each in (ABLE, _AT_ONCE, _OR_IS))
     return None if requests or re.match(named, asked) else asked  # "what I want is", "what you hold, put it down"
 
 

@@ -31,6 +31,18 @@ _CONTRASTS = (
     re.compile(rf"^(?=.*\b{_SAID}\b){_LEAD}{_NEW}(?: (?:, )?{_SAID})?{_REST}"),
     re.compile(rf"^no (?:, )?{_NEW}$"),
 )
+_SAME_AFTER = re.compile(
+    r"(?P<first>.+?)(?:\W+(?:and|then|after that|afterwards|finally|also))*[\s,.;]+(?:do |repeat )?(?:exactly )?"
+    r"(?:the )?same(?: thing| again)? (?:with|for|to) (?P<other>.+)",
+    re.IGNORECASE | re.DOTALL,
+)
+_STEPS = r"(?: (?:last |previous )?(?:steps|moves|actions|commands|orders|things|times|ones))?"
+_N = r"both|two|three|four|five|2|3|4|5"
+_UNDO = re.compile(
+    rf"(?:please |now |and |no )*(?:(?:undo|revert|reverse|cancel|take back|rewind|go back)(?: of)?(?: your| my)?"
+    rf"(?: last)? (?P<n>{_N}){_STEPS}|take (?:last )?(?P<n2>{_N}){_STEPS} back)(?: please| again)*"
+)
+NUMBERS = {"both": 2, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 _BARE = ("verb", "relation", "direction", "number")  # what is said without the rest of its clause
 
 
@@ -65,6 +77,28 @@ class Corrections(Replies):
         if isinstance(last.outcome, Plan):
             outcome = self.copy()._answer(again, ())
         return replace(outcome, sentence=sentence) if isinstance(outcome, Plan | Question) else None
+
+    def _same_after(self, sentence: str, made: tuple) -> Outcome | None:
+        """Return the plan of "put X in the drawer, then do the same with Y": the last part goes on from the first."""
+        match = _SAME_AFTER.match(sentence)
+        if match is None:
+            return None
+        trial = self.copy()
+        first = trial._answer(match["first"], made)
+        if not isinstance(first, Plan) or not first.steps:
+            return None
+        trial.remember(first, self.now)
+        trial.world = first.result or trial.world
+        then = trial._answer(f"the same with {match['other']}", ())
+        if not isinstance(then, Plan):
+            return then if isinstance(then, Question) else None
+        return replace(then, steps=(*first.steps, *then.steps), notes=(*first.notes, *then.notes), reading=then.reading)
+
+    def _undone_together(self, words: Sequence[str]) -> int:
+        """Return how many plans are to be undone: "undo the last two", "take both moves back"; 0 in other sentences."""
+        text = " ".join(words)
+        match = _UNDO.fullmatch(text)
+        return NUMBERS[match["n"] or match["n2"]] if match and len(self.turns) > 1 else 0
 
     def _less(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the plan that takes a part of the last move back: a bit, or half of it; None if it was no move."""

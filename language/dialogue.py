@@ -16,7 +16,6 @@ from language.acts import (
     ABLE,
     IDLE,
     SAME,
-    WHAT,
     Part,
     act_of,
     beside_home,
@@ -306,6 +305,8 @@ class Dialogue(Conditions):
         act = act_of(rest) or ("again" if number > 1 and act_of([*rest, "again"]) else None)
         span, asked = (0, len(sentence)), self.open_question()
         did = next((turn.outcome for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
+        if back := self._undone_together(words):
+            return self._undone(sentence, back)
         if act is None:
             return None
         if act in ("social", "sorry"):
@@ -316,6 +317,10 @@ class Dialogue(Conditions):
             return Answer(sentence, 1.0, (), span, text="All right, I do nothing. Say what you mean instead")
         if act in ("no", "wrong") and isinstance(did, Plan) and {"one", "cube", "block", "thing"} & {*words}:
             return Question(sentence, 0.5, (), span, text="Which one do you mean instead?", reading=self.last)
+        if act == "wrong" and "where" in words and isinstance(did, Plan):
+            return Question(sentence, 0.5, (), span, text="Where do you want it instead?", reading=self.last)
+        if act == "no" and did is None and {"thanks", "thank"} & {*words}:
+            return _social(sentence, self.now)
         if act == "no" and isinstance(did, Plan):
             return Signal(sentence, 1.0, (), span, control="stop", text="I stop. Say what you mean instead")
         if act in ("undo", "wrong"):
@@ -412,7 +417,9 @@ class Dialogue(Conditions):
             if asked is None:
                 label = part.mark == ":" and at + 1 < len(parts) and not command_word().match(rest)
                 known = part.act is not None or label or self._is_topic(rest, parts[at + 1 :])
-                if not known and not (parts[-1].mark == "?" and parts[-1].words[0] in WHAT and asks_nothing(rest)):
+                if not known and not (
+                    parts[-1].mark == "?" and question(" ".join(parts[-1].words)) and asks_nothing(rest)
+                ):
                     return None
                 continue
             after = text[parts[end].end :]

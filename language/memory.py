@@ -64,10 +64,12 @@ class Memory:
         elif isinstance(outcome, Question | Refusal):
             self.last = getattr(outcome, "reading", None) or self.last
         if not isinstance(outcome, Plan | Signal):
-            about = about or self._spoken_of(outcome, world)
+            spoken = self._spoken_of(outcome, world)
+            its = about or spoken
             if isinstance(outcome, Question) and outcome.reading is None:  # "what shall I do with the red cube?"
-                about = about or outcome.candidates[:1]
-            self.it = about or self.it
+                its = its or outcome.candidates[:1]
+            self.it = its or self.it
+            about = (*(i for i in spoken if i not in its), *its)
         boxes = [i for i in about if i in world.containers]
         self.box = boxes[-1] if boxes and not isinstance(outcome, Question) else self.box
         self.turns.append(Turn(outcome.sentence, outcome, world, about))
@@ -125,8 +127,20 @@ class Memory:
         planner = Planner(world, it, self.it, gestures=made, box=self.box)
         planner.boxes = () if self.box is None else (self.box,)
         planner.others, planner.rests = self._others(world), self._rests(world)
+        planner.carried = self._carried()
         planner.recent = tuple(dict.fromkeys(i for turn in reversed(self.turns) for i in reversed(turn.about)))
         return planner
+
+    def _carried(self) -> tuple[int, ...]:
+        """Return what was put somewhere by the last plans that did so one after the other, the last one first."""
+        found: list[int] = []
+        for turn in reversed(self.turns):
+            steps = [step for step in getattr(turn.outcome, "steps", ()) if not step.implied]
+            carried = [step.object for step in reversed(steps) if step.carries]
+            if isinstance(turn.outcome, Signal) or (steps and not carried):
+                break
+            found += carried
+        return tuple(dict.fromkeys(found))
 
     def _rests(self, world: WorldModel) -> dict[int, Rest]:
         """Return where things stood before they were moved last."""

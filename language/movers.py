@@ -50,6 +50,9 @@ class Movers(Steps):
             named = [i for i in (*self.recent, *self._unnamed(plan, act)) if world.below[i] is not None][:1] or named
         if act in BOXES and plan.box is not None and not named:
             named = [plan.box]
+        if act is Act.OPERATE and not named and clause.entity is not None and world.held in plan.it[:1]:  # "flip it"
+            yield replace(plan, mover=world.held, failure="unturnable", reason="never")
+            return
         if act in BOXES and not named and plan.it and plan.it[0] in world.inside:
             named = [world.inside[plan.it[0]]]
         if not named:

@@ -234,7 +234,9 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
         same += 1
     if 1 < same < min(len(words), len(after)):
         return _taken_back(before[:-same], after)
-    first = next((token.text for token in after if token.text not in ("just", "only", "please", "rather")), "")
+    first = next(
+        (token.text for token in after if token.text not in ("just", "only", "please", "rather", "here", "over")), ""
+    )
     start = max((i + 1 for i, word in enumerate(words) if word in ".;!?"), default=0)
     if re.fullmatch(verb_words(), first):
         verbs = [i for i in range(start, len(words)) if re.fullmatch(verb_words(), words[i])]

@@ -103,6 +103,8 @@ class Planner(Several):
         elif clause.negated:
             refs = self._refs(plan, clause, clause.entity) if clause.entity is not None and act in BOXES else []
             yield plan if not refs else replace(plan, box=refs[0].things[-1], it=refs[0].things[-1:])
+        elif act is None and (touch := _touched_next(plan.last, clause)) is not None:
+            yield from self._after(plan, touch, last)
         elif act is None:
             yield from self._fragment(plan, clause, last)
         elif any(is_mutual(place) for place in clause.places):
@@ -291,3 +293,11 @@ def _names_it(plan: Draft, clause: Clause) -> bool:
     last, spoken = plan.last, clause.entity is not None and clause.entity.kind == "it"
     operated = bool(plan.steps) and plan.steps[-1].act is Act.OPERATE
     return spoken and operated and last is not None and last.act is None and last.entity is not None
+
+
+def _touched_next(before: Clause | None, clause: Clause) -> Clause | None:
+    """Return what is touched after another thing: "point at the red one and then at the blue one"."""
+    named = [anchor for place in clause.places[:1] if place.name in ("at", "to") for anchor in place.anchors]
+    touches = before is not None and before.act is Act.TOUCH and clause.entity is None
+    one = [anchor.kind for anchor in named] == ["thing"]
+    return replace(before, entity=named[0], places=()) if before is not None and touches and one else None

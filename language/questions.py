@@ -60,6 +60,11 @@ _SEVERAL = re.compile(  # between two questions
     r" (?:, )?(?:and |but |, )(?:also )?(?=(?:how|where|what|which|who|why)\b"
     r"|(?:is|are|do|does|did|has|have|can) (?!in\b|on\b|at\b|next\b|under\b|behind\b|near\b|left\b|right\b|not\b))"
 )
+_ALTERNATIVE = re.compile(r" (?:, )?or (?=(?:is|are|has|does) (?:it|they|there|something|anything|some|any|he|that)\b)")
+_EXCEPT = re.compile(
+    r" (?:, )?(?:apart from|aside from|except(?: for)?|besides|other than|excluding|not counting) "
+    r"(?P<what>.+?)(?P<rest>(?: (?:in|on|under|inside|near|next to|at|is|are|that|which) .+)?)$"
+)
 _GRIPPER = r"\b(?:gripper|your hand|claw|your fingers|you)\b"
 
 
@@ -77,15 +82,44 @@ class Questions(Comparisons):
         self.world, self.planner, self.turns, self.body = world, planner, turns, body
         self.pointed = [i for gesture in planner.gestures for i in gesture.things]
         self.things: list[int] = []  # that were asked about
+        self.excepted: list[int] = []  # that a question leaves out: "apart from the red cube"
 
     def answer(self, asked: str) -> str | None:
         """Return the answer in a sentence, or one for each of several questions; None if it is not known."""
+        asked = self._without_excepted(asked)
+        first, *other = _ALTERNATIVE.split(asked, maxsplit=1)
+        if other:
+            return self._either_question(first, other[0])
         parts = _SEVERAL.split(asked)
         if len(parts) > 1:
             told = [self._answer_to_next(part) for part in parts]
             if None not in told:
                 return " ".join(dict.fromkeys(each for each in told if each))
         return self._answer(asked)
+
+    def _without_excepted(self, asked: str) -> str:
+        """Return a question without "apart from X", and note these things."""
+        match = _EXCEPT.search(asked)
+        if match is None:
+            return asked
+        head, what, rest = asked[: match.start()], match["what"], match["rest"]
+        if re.search(
+            r"\b(?:in|on|under|inside|at|near|next to)\b", head
+        ):  # "anything on the table but X in the corner"
+            what, rest = what + rest, ""
+        things = self.subject(re.sub(rf"\b({COLOR})(?=$| and\b| or\b| ,)", r"\1 one", what))
+        if not things:
+            return asked
+        self.excepted = things
+        return re.sub(r"\belse\b ?", "", head + rest)
+
+    def _either_question(self, first: str, other: str) -> str | None:
+        """Return the answer to "is it here or is it there?": that to the question that is so."""
+        told = self._answer_to_next(first)
+        if told is None:  # "can you reach it or is something on it?"
+            self.planner.it = tuple(real(self.world, phrase(self.world, self.planner, scan(first))[1])[:1])
+        otherwise = self._answer_to_next(other)
+        return otherwise if told is None or (otherwise or "").startswith("Yes") else told
 
     def _answer_to_next(self, asked: str) -> str | None:
         told = self._answer(asked)
@@ -211,6 +245,11 @@ class Questions(Comparisons):
         held = r"^(?:held|held by you|holding|you hold|you holding)$"
         if word == "held" or re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
             return Predicate(lambda i: i == world.held, "place")
+        if plain in ("blocked", "covered", "buried", "obstructed", "trapped", "in way", "accessible", "reachable"):
+            within = world.inside
+            shut = {i for i, box in within.items() if box in boxes and box not in world.open}
+            free = plain in ("accessible", "reachable")
+            return Predicate(lambda i: (world.above[i] is not None or i in shut) != free, "under")
         return None
 
     def _content(self, plain: str) -> Predicate | None:
@@ -358,8 +397,8 @@ class Questions(Comparisons):
 
     def _others(self, things: list[int], text: str) -> list[int]:
         """Return things without what was spoken of last, if a question is about anything else."""
-        spoken = (*self.planner.it[:1], self.world.held)
-        return [i for i in things if i not in spoken] if re.search(r"\belse\b", text) else things
+        spoken = (*self.planner.it[:1], self.world.held) if re.search(r"\belse\b", text) else ()
+        return [i for i in things if i not in spoken and i not in self.excepted]
 
     def _either(self, match: re.Match[str]) -> str | None:
         """Say which of two is so: "is the red one left or right of the yellow one?"."""
@@ -471,7 +510,7 @@ class Questions(Comparisons):
             x, y = self.world.things[base[0]].x, self.world.things[base[0]].y
             tower = self.world.column(x, y)
             things = tower[tower.index(base[0]) + 1 :] if base[0] in tower else []
-        self.things = things
+        self.things = things = [i for i in things if i not in self.excepted]
         if not things:
             return f"none: no {_plain(f'{found[2]} {found[3]}' if found else text)}"
         noun = "is" if len(things) == 1 else "are"

@@ -271,6 +271,11 @@ _TELLS = re.compile(
 )
 _THAT_IS = re.compile(r",?\s*\b(?:i\.\s?e\.|that is to say|namely),?\s*")
 
+_BACK = re.compile(  # "put it back, I wanted the yellow one"
+    r"\b(?:put|take|bring|give) (?:it|that|them|this) (?:back|out|down)(?: again)?\W+"
+    r"(?:I|we) (?:(?:really |actually )?(?:wanted|meant|said|asked for)|had wanted)\b",
+    re.IGNORECASE,
+)
 _I_SAID = re.compile(  # "hang on, I said the fridge, didn't I?"
     r"^(?:(?:hang on|hold on|wait|hey|no|whoa|woah|excuse me|but)\b\W*)*(I (?:said|meant|told you|asked)\b.*?)"
     r"(?:,?\s*\b(?:did(?:n.?t| not) I|did I not))?\W*$",
@@ -280,6 +285,7 @@ _I_SAID = re.compile(  # "hang on, I said the fridge, didn't I?"
 
 def without_names(sentence: str) -> str:
     """Return a sentence with "my friend", "me" and "my" for what can only be names of people: "for Lisa"."""
+    sentence = _BACK.sub("no, I wanted", sentence)
     sentence = _I_SAID.sub(r"no, \1", _THAT_IS.sub(", ", sentence))
     if sentence.istitle() or sentence.isupper():
         return sentence

@@ -102,6 +102,8 @@ class Replies(Recollections):
             return self._tried(sentence, [Reading((*self.last.steps[:-1], side))], found, restore=True)
         if asked is None and clause.entity is None and (other := self._other_place(sentence, clause)) is not None:
             return other
+        if asked is not None and (ordered := self._in_that_order(asked, clause)) is not None:
+            return self._tried(sentence, [ordered], found)
         if asked is not None and not reply.rejects:
             if len(asked.candidates) != 1 and self._unshown(clause.entity, found):
                 return replace(asked, sentence=sentence)
@@ -119,6 +121,15 @@ class Replies(Recollections):
         reply = replace(reply, steps=(replace(clause, entity=self._alike(clause.entity)), *reply.steps[1:]))
         meant = revised(self._beside_chosen(self.last), reply)
         return self._tried(sentence, meant if reply.rejects else [self._higher(each) for each in meant], found, restore)
+
+    def _in_that_order(self, asked: Question, clause: Clause) -> Reading | None:
+        """Return the last reading for all that was asked about, in an order: "both, the drawer first"; or None."""
+        orders = tuple(place for place in clause.places if place.name == "order")
+        if not orders or self.last is None or not asked.candidates:
+            return None
+        every = Entity("list", parts=tuple(pinned(i) for i in asked.candidates))
+        last = self.last.steps[-1]
+        return Reading((*self.last.steps[:-1], replace(last, entity=every, places=(*last.places, *orders))))
 
     def _alike(self, said: Entity | None) -> Entity | None:
         """Return a phrase such as "the cyan one" as one for the kind of thing that was named before, if one fits."""
@@ -327,8 +338,10 @@ class Replies(Recollections):
         if len(left) < len(asked.candidates) and (entity is None or entity.any):
             free = entity is not None or len(left) == 1 or act_of(texts[:at]) == "any"
             plans = (self._filled(sentence, asked, i) for i in (left if free else ()))
+            if not left:
+                return None
             again = Question(sentence, 0.5, text=which(self.now, left), candidates=left, reading=self.last)
-            return next((plan for plan in plans if isinstance(plan, Plan)), again if left else None)
+            return next((plan for plan in plans if isinstance(plan, Plan)), again)
         chosen = self._chosen(sentence, replace(asked, candidates=left), entity, found) if entity is not None else None
         return chosen if isinstance(chosen, Plan) else None
 

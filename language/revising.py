@@ -308,8 +308,8 @@ def only_verb(clause: Clause, verb: str) -> Clause:
     at = [place for place in clause.places if place.name in _GOING and place.anchors]
     if at:  # "go there", "on the red one"
         return replace(clause, verb=verb, entity=at[-1].anchors[-1], places=())
-    if entity is not None and not robot and all(place.name == "here" for place in clause.places):
-        return replace(clause, verb=verb, places=())
+    if entity is not None and not robot and all(place.name in ("here", "order") for place in clause.places):
+        return replace(clause, verb=verb, places=tuple(place for place in clause.places if place.name == "order"))
     beside = [place for place in clause.places if place.anchors] if entity is None else []
     return replace(clause, verb=verb, entity=Entity(relations=tuple(beside)), places=()) if beside else clause
 

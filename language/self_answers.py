@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from language.lattice import Lattice
+from language.objects import DEVICES
 from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.recalling import acts_of, is_done
@@ -39,6 +40,7 @@ class SelfAnswers(ABC):
     turns: Sequence[Any]
     things: list[int]
     pointed: list[int]
+    excepted: list[int]
     body: str
 
     @abstractmethod
@@ -229,8 +231,11 @@ class SelfAnswers(ABC):
         """Say whether something can be done here."""
         lattice, world = Lattice(scan(match[1])), self.world
         acts = {KNOWN[edge.value].act for edge in lattice.get(0, "verb")}
-        if not acts or acts <= {Act.NEVER}:
+        if not acts:
             return None
+        devices = {edge.value for i in range(len(lattice)) for edge in lattice.get(i, "noun")} & {*DEVICES}
+        if acts <= {Act.NEVER} or (Act.NEVER in acts and not devices):
+            return f"no, I cannot {match[1]}: no arm of this kind does that"
         lacking = {Act.OPEN, Act.SHUT} if not world.containers else set()
         lacking |= {Act.OPERATE} if not world.devices else set()
         can = KNOWN[world.only].act in acts if world.only else bool(acts - lacking)
@@ -341,6 +346,13 @@ class SelfAnswers(ABC):
 
     def see(self, match: re.Match[str]) -> str | None:
         """Say what there is."""
+        if self.excepted:
+            world = self.world
+            left = [
+                i for i, thing in enumerate(world.things) if not thing.target and i not in (world.hand, *self.excepted)
+            ]
+            loose = [i for i in left if world.is_loose(i) and world.is_on_ground(i)]
+            return f"I see {self.names(loose or left)}"
         return seen(self.world)
 
     def who(self, match: re.Match[str]) -> str | None:

@@ -232,7 +232,7 @@ class _Sentences:
     def _ordered(self, item: Item) -> list[Item]:
         """Return the clause with the order in which it is done to several things: "touch them | starting with X"."""
         entity, act = item.value.entity, item.value.act
-        if act is None or entity is None or not (act in ARRANGED or (is_several(entity) and self.lattice.table)):
+        if entity is None or not (act in ARRANGED or (is_several(entity) and self.lattice.table)):
             return []
         found = []
         for edge in self.lattice.get(item.end + (self.lattice.text(item.end) in (",", "and")), "order"):

@@ -16,7 +16,7 @@ from language.movers import Movers
 from language.places import GRID, ONTO, SHARES, _anywhere, _Wish, free_spot
 from language.referents import thing_ref
 from language.revising import pinned
-from language.spots import Point, Spot, a_name, settle
+from language.spots import Point, Spot, a_name, place_at, settle
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle
 from language.verbs import Act, doing
 from language.world import WorldModel
@@ -107,8 +107,8 @@ class Several(Movers):
         world, act = plan.world, clause.act
         if entity.kind == "list":
             return self._listed(plan, clause, entity)
-        if entity.kind == "it":
-            home = any(place.name == "home" for place in clause.places)
+        home = any(place.name == "home" for place in clause.places)
+        if entity.kind == "it" or (home and self._counts_carried(entity)):
             return self._them(plan, act, entity, home)
         resolver = self.resolver(world, plan.it, None, plan.mentioned, plan.box)
         refs = resolver.resolve(entity)
@@ -216,19 +216,26 @@ class Several(Movers):
         )
         return [*ends["first"], *rest, *last]
 
+    def _counts_carried(self, entity: Entity) -> bool:
+        """Whether "all three" are as many as were put somewhere one after the other."""
+        said = entity.noun or entity.colors or entity.relations or entity.sides or entity.other
+        return not said and 1 < (entity.number or 0) <= len(self.carried)
+
     def _them(self, plan: Draft, act: Act | None, entity: Entity, home: bool) -> list[int]:
         """Return the things of "them"; "all of them", or of a tower, are all where none were spoken of.
 
         home: whether they go back, so that things are meant which were moved.
         """
+        if entity.number:
+            return list(self.carried[: entity.number])
         together = act in (Act.BUILD, Act.GATHER) and not plan.it
         world, every = plan.world, (entity.every or together) and len(plan.it) < 2
         named = [i for i in (range(len(world.things)) if every else plan.it) if allows(world, act, i)]
         named = [i for i in named if not (every and world.things[i].target)]
         if len(named) < 2 and act not in BOXES and not plan.steps:
             recent = [i for i in self.recent if allows(world, act, i)]
-            moved = [i for i in recent if i in self.rests] if home else []
-            named = (moved or recent)[:2] or named
+            moved = [i for i in self.carried if i in self.rests] if home else []
+            named = (moved if len(moved) > 1 else recent[:2]) or named
         if act in BOXES and len(named) < 2:
             named = [i for i in world.containers if not self._done(world, act, i)]
         return named or [i for i in self._unnamed(plan, act) if not self._done(world, act, i)]
@@ -321,7 +328,12 @@ class Several(Movers):
             return replace(
                 plan, failure=f"a {'stack' if stacks else 'row'} needs two things", reason="impossible", entity=entity
             )
-        done = (self._stacked if stacks else self._lined)(plan, ordered, clause.places)
+        pair = not (stacks or orders or clause.places) and len(ordered) == 2
+        beside = (
+            [self._placed_once(plan, i, (place_at(j, "near"),)) for i, j in (ordered, ordered[::-1])] if pair else []
+        )
+        done = next((draft for draft in beside if not draft.failure), None)
+        done = done or (self._stacked if stacks else self._lined)(plan, ordered, clause.places)
         arbitrary = plan.arbitrary or bool(entity.number)
         return replace(done, cost=plan.cost, it=tuple(ordered), arbitrary=arbitrary, topic=None)
 

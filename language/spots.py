@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 from language import costs
-from language.meanings import RelationPhrase
+from language.meanings import Entity, Gesture, RelationPhrase
 from language.world import FLAT, WorldModel
 
 NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
@@ -46,6 +46,11 @@ class Point(NamedTuple):
     on: int | None = None
     free: bool = False
     group: int = 0
+
+
+def place_at(index: int, name: str) -> RelationPhrase:
+    """Return the place that has a relation to one thing. name: of the relation."""
+    return RelationPhrase(name, (Entity(pointed=Gesture((index,))),))
 
 
 def settle(world: WorldModel, mover: int, point: Point) -> Spot:

@@ -13,7 +13,7 @@ from language.objects import HAND
 from language.outcomes import Step
 from language.places import _anywhere, _Wish, free_spot, spots
 from language.referents import Resolver
-from language.spots import Point, Rest, Spot, a_name, old_place, settle
+from language.spots import Point, Rest, Spot, a_name, old_place, place_at, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
 from language.world import AT_END, FIXED, WorldModel
 
@@ -59,6 +59,7 @@ class Steps:
     """Add steps to plans in one world.
 
     it, mentioned: the things of the dialogue. others: what "the other one" means there. recent: all, the last first.
+    carried: what was put somewhere last, one after the other, the last first.
     boxes: the container spoken of last, which is no other one. rests: where things stood before they were moved last.
     help: whether the scene helps to select. gestures: those of the sentence. box: the container spoken of last.
     effort: phrases weighed and steps tried so far.
@@ -73,6 +74,7 @@ class Steps:
     effort: int = 0
     others: tuple[int, ...] = ()
     recent: tuple[int, ...] = ()
+    carried: tuple[int, ...] = ()
     boxes: tuple[int, ...] = ()
     rests: dict[int, Rest] = field(default_factory=dict)
     _resolvers: dict[tuple, Resolver] = field(default_factory=dict)
@@ -402,7 +404,7 @@ class Steps:
             other = ref.things[-1] if ref.things else None
             if other is None or not plan.world.is_loose(other) or other == index:
                 continue
-            place = RelationPhrase("on", (Entity(pointed=Gesture((index,))),))
+            place = place_at(index, "on")
             yield from self._handled(
                 replace(plan, mover=other, cost=plan.cost + ref.cost), Clause(CARRY, None, (place,)), other
             )
@@ -423,7 +425,7 @@ class Steps:
         taken = plan.world if plan.world.held == index else self._taken(plan, index).world
         resolver = self.resolver(taken, plan.it, index, plan.mentioned, plan.box)
         if (tower := stacked_last(plan)) not in (None, index) and says_top(places[0]):  # "and the blue one on top"
-            places = (RelationPhrase("on", (Entity(pointed=Gesture((tower,))),)), *places[1:])
+            places = (place_at(tower, "on"), *places[1:])
         resolver.rest = old_place(self.world, plan.world, index, self.rests)
         if any(anchor.any for place in places for anchor in place.anchors):
             plan = replace(plan, arbitrary=True)
@@ -440,13 +442,19 @@ class Steps:
                 found = spots(resolver, index, pronoun, typed)
             elif plan.box is not None and not plan.world.cells:
                 found = spots(resolver, index, (RelationPhrase("into"),), typed)
+            elif self.carried and index not in self.carried and not plan.world.cells:  # where the last one went
+                found = spots(resolver, index, (place_at(self.carried[0], "near"),), typed)
             else:
                 yield replace(plan, failure="no gesture shows the place", reason="where", entity=clause.entity)
                 return
+        anchor = places[0].anchors[0] if places[0].anchors else clause.entity
+        itself = anchor is not None and anchor.kind == "it"
+        others = tuple(i for i in self.recent if i != index)
+        if not found and itself and others:  # "put it next to it", after both were named
+            found = spots(resolver, index, (place_at(others[0], places[0].name), *places[1:]), typed)
         if not found:
-            anchor = places[0].anchors[0] if places[0].anchors else clause.entity
-            reason = "impossible" if anchor is not None and anchor.kind == "it" else "nowhere"
-            own = reason == "impossible" and plan.it[:1] in ((), (index,))
+            reason = "impossible" if itself else "nowhere"
+            own = itself and plan.it[:1] in ((), (index,))
             why = "nothing goes on, in or next to itself" if own else "no place fits"
             yield replace(plan, failure=why, reason=reason, entity=anchor)
         for spot in found[:KEPT]:
@@ -462,7 +470,7 @@ class Steps:
             return RelationPhrase("at", (Entity("person"),)) if from_hand else None
         below, thing = self.world.below[moved], self.world.things[moved]
         if below is not None:
-            return RelationPhrase("on", (Entity(pointed=Gesture((below,))),))
+            return place_at(below, "on")
         return RelationPhrase("here", (Entity("spot", pointed=Gesture((), (thing.x, thing.y))),))
 
     def _put(self, plan: Draft, clause: Clause, index: int, spot: Spot) -> Draft:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from language import Plan, Question, Signal
+from language import Plan, Question, Refusal, Signal
 from tests.helpers.room_cases import BLUE, NAMES, WHEEL, YELLOW, larger_room, outcome_of, room
 
 
@@ -115,3 +115,62 @@ def test_the_second_one_that_was_offered():
 
 def test_the_next_one_to_the_right():
     assert steps("touch the red cube / and now the next one to the right") == [("reach", NAMES[YELLOW])]
+
+
+@pytest.mark.parametrize(
+    "wrong", ["oops, put it back, I wanted blue", "no no, not that. the blue one please", "no. must be blue"]
+)
+def test_what_was_wanted_instead_is_said_after_what_was_wrong(wrong):
+    assert steps(f"take the red cube / {wrong}") == [("pick_and_place", "red"), ("grasp", "blue")]
+
+
+@pytest.mark.parametrize(
+    ("last", "back"),
+    [
+        ("put them back", ["blue", "yellow", "red"]),
+        ("put all three back", ["blue", "yellow", "red"]),
+        ("undo the last two", ["blue", "yellow"]),
+        ("take the last two moves back", ["blue", "yellow"]),
+    ],
+)
+def test_several_moves_are_taken_back(last, back):
+    moves = "move red 6 cm to the right / move yellow 6 cm to the left / move blue 6 cm to the left / "
+    outcome = outcome_of(moves + last, room())
+    assert sorted(NAMES[step.object] for step in outcome.steps if step.carries) == sorted(back)
+    for name in back:
+        index = NAMES.index(name)
+        assert outcome.result.things[index].y == pytest.approx(room().things[index].y, abs=0.005)
+
+
+def test_what_is_not_where_it_was_wanted_is_asked_about():
+    turns = "put blue on yellow / that is not where I wanted it"
+    assert isinstance(outcome_of(turns, room()), Question)
+    assert steps(f"{turns} / in the fridge")[-1] == ("put_in", "blue")
+
+
+def test_the_same_is_done_with_others_in_one_sentence():
+    turns = "put the red cube in the drawer and close it, then do the same with the fridge and the yellow one"
+    done = [(verb, thing) for verb, thing in steps(turns) if verb in ("put_in", "close")]
+    assert done == [("put_in", "red"), ("close", "drawer"), ("put_in", "yellow"), ("close", "fridge")]
+
+
+def test_both_may_be_answered_with_their_order():
+    assert steps("open it / both of them, the drawer first") == [("open", "drawer"), ("open", "fridge")]
+
+
+def test_a_second_it_is_what_was_named_beside_the_first():
+    thing, (x, y) = last_place("put yellow on the button / put it next to it")
+    assert thing == YELLOW
+    assert abs(x - 0.47) + abs(y - 0.18) < 0.1
+
+
+def test_there_is_where_the_last_thing_went():
+    thing, (x, y) = last_place("move blue 9 cm to the left / put the red cube there too")
+    assert NAMES[thing] == "red"
+    assert abs(x - 0.44) + abs(y + 0.09) < 0.16
+
+
+def test_what_is_held_is_not_operated():
+    outcome = outcome_of("pick up the red cube / flip it over", room())
+    assert isinstance(outcome, Refusal)
+    assert not isinstance(outcome_of("take a cube / not red, not blue, not yellow", room()), Plan)
