@@ -11,7 +11,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from language.comparing import Comparisons, Predicate
+from language.alternatives import ALTERNATIVE, Alternatives
+from language.comparing import Predicate
 from language.lattice import Lattice
 from language.normalise import questions
 from language.planning import Planner
@@ -60,15 +61,10 @@ _SEVERAL = re.compile(  # between two questions
     r" (?:, )?(?:and |but |, )(?:also )?(?=(?:how|where|what|which|who|why)\b"
     r"|(?:is|are|do|does|did|has|have|can) (?!in\b|on\b|at\b|next\b|under\b|behind\b|near\b|left\b|right\b|not\b))"
 )
-_ALTERNATIVE = re.compile(r" (?:, )?or (?=(?:is|are|has|does) (?:it|they|there|something|anything|some|any|he|that)\b)")
-_EXCEPT = re.compile(
-    r" (?:, )?(?:apart from|aside from|except(?: for)?|besides|other than|excluding|not counting) "
-    r"(?P<what>.+?)(?P<rest>(?: (?:in|on|under|inside|near|next to|at|is|are|that|which) .+)?)$"
-)
 _GRIPPER = r"\b(?:gripper|your hand|claw|your fingers|you)\b"
 
 
-class Questions(Comparisons):
+class Questions(Alternatives):
     """Answers the questions of one sentence.
 
     Args:
@@ -87,7 +83,7 @@ class Questions(Comparisons):
     def answer(self, asked: str) -> str | None:
         """Return the answer in a sentence, or one for each of several questions; None if it is not known."""
         asked = self._without_excepted(asked)
-        first, *other = _ALTERNATIVE.split(asked, maxsplit=1)
+        first, *other = ALTERNATIVE.split(asked, maxsplit=1)
         if other:
             return self._either_question(first, other[0])
         parts = _SEVERAL.split(asked)
@@ -96,30 +92,6 @@ class Questions(Comparisons):
             if None not in told:
                 return " ".join(dict.fromkeys(each for each in told if each))
         return self._answer(asked)
-
-    def _without_excepted(self, asked: str) -> str:
-        """Return a question without "apart from X", and note these things."""
-        match = _EXCEPT.search(asked)
-        if match is None:
-            return asked
-        head, what, rest = asked[: match.start()], match["what"], match["rest"]
-        if re.search(
-            r"\b(?:in|on|under|inside|at|near|next to)\b", head
-        ):  # "anything on the table but X in the corner"
-            what, rest = what + rest, ""
-        things = self.subject(re.sub(rf"\b({COLOR})(?=$| and\b| or\b| ,)", r"\1 one", what))
-        if not things:
-            return asked
-        self.excepted = things
-        return re.sub(r"\belse\b ?", "", head + rest)
-
-    def _either_question(self, first: str, other: str) -> str | None:
-        """Return the answer to "is it here or is it there?": that to the question that is so."""
-        told = self._answer_to_next(first)
-        if told is None:  # "can you reach it or is something on it?"
-            self.planner.it = tuple(real(self.world, phrase(self.world, self.planner, scan(first))[1])[:1])
-        otherwise = self._answer_to_next(other)
-        return otherwise if told is None or (otherwise or "").startswith("Yes") else told
 
     def _answer_to_next(self, asked: str) -> str | None:
         told = self._answer(asked)
