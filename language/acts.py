@@ -264,6 +264,10 @@ _TAGGED = (  # without a comma not "and I want to have it"
     r"(?:not )?(?:you|it|they|he|that|there)(?: not)?"
 )
 _ASKER = r"(?:someone|everyone|my \w+|grand\w+|mum|mom|dad)"
+_EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
+    r"^(who|what|where|why|how|which) (?:on earth|in (?:all )?(?:world|heaven)|hell|heck)\b"
+    r"|(?: ,)? if (?:i|you|we) (?:may|can|could|might) (?:ask|tell me|say)$"
+)
 _FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
 _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
 _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
@@ -362,6 +366,7 @@ def question(text: str) -> str | None:
     if rest and len(first) > 2 and first not in (*WHAT, *STRANGERS) and (first, 0.0) not in spellings(first):
         near = [word for word in WHAT if OSA.distance(first, word) == 1]
         asked = f"{near[0]} {rest}" if near else asked  # "whre is it?"
+    asked = _EMPHASIS.sub(r"\1", asked)
     for pattern, plain in _IMPERATIVES:
         asked = re.sub(rf"^{pattern}$", plain, asked)
     if not _ASKING.search(asked) or _REQUESTING.match(asked):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from language import costs
 from language.meanings import Entity, Measure, RelationPhrase
 from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
-from language.spots import Point, Spot, a_name, elsewhere, enclosed, facing, settle
+from language.spots import Point, Spot, a_name, elsewhere, enclosed, facing, length_of, settle
 from language.world import FIXED, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
@@ -157,18 +157,6 @@ def _in_region(world: WorldModel, mover: int, area: Ref) -> list[Point]:
     return [Point(x, y, 0.5 * (abs(x - thing.x) + abs(y - thing.y)) / 8, free=True) for x, y in spread]
 
 
-def _length(world: WorldModel, measure: Measure | None, default: float) -> float:
-    """Return a length in the world's unit."""
-    if measure is None:
-        return default
-    if measure.unit == "bit":
-        return world.little
-    if measure.unit == "cell":
-        return measure.number * world.pitch
-    metres = measure.number * float(measure.unit)
-    return metres if not world.cells else float(round(metres / 0.05))
-
-
 def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Point]:
     thing = world.things[mover]
     if relation.value in ("up", "down") and world.cells and relation.measure is not None:
@@ -176,13 +164,13 @@ def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Po
     if relation.value in ("up", "top", "down"):
         return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
     dx, dy = world.toward(relation.value or "left")
-    length = _length(world, relation.measure, world.pitch)
+    length = length_of(world, relation.measure, world.pitch)
     return [Point(thing.x + dx * length, thing.y + dy * length, 0.0, free=True)]
 
 
 def _beside(world: WorldModel, mover: int, anchor: Ref, side: str, measure: Measure | None) -> list[Point]:
     dx, dy = world.toward(side)
-    step = _length(world, measure, world.pitch)
+    step = length_of(world, measure, world.pitch)
     return [Point(anchor.x + dx * step, anchor.y + dy * step, 0.0, free=True)]
 
 
@@ -372,7 +360,7 @@ def _shifts(
         vectors.append((world.toward(value), each.measure))
     last = next((measure for _, measure in reversed(vectors) if measure is not None), None)
     for (ux, uy), measure in vectors:  # a length serves for directions without one
-        length = _length(world, measure or last, world.pitch)
+        length = length_of(world, measure or last, world.pitch)
         dx, dy = dx + ux * length, dy + uy * length
     if further:  # "on the left, near the front"
         box = _side_wish(world, [each.value or "left" for each in directions], False)
@@ -439,7 +427,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
     if name in _SIDEWAYS:
         return [_at_side(world, mover, anchor, relation, what, alone)]
     if name in ("near", "nearest"):
-        return [_ring(world, mover, anchor, what)]
+        return [_ring(world, mover, anchor, what, relation)]
     if name in ("toward", "away", "farthest"):
         return [_along(world, mover, anchor, relation, what)]
     if anchor in (*world.containers, world.hand):
@@ -452,7 +440,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
     if name == "spot_of":
         return [_near_point(other.x, other.y, 0.03, f"the place of {a_name(world, anchor)}")]
     if name in ("to", "at") and not (name == "at" and relation.value):
-        return [_ring(world, mover, anchor, what)]
+        return [_ring(world, mover, anchor, what, relation)]
     if name in ONTO:
         found = settle(world, mover, Point(other.x, other.y, 0.0, anchor))
         if anchor in world.inside:
@@ -476,8 +464,7 @@ def _at_side(
     thing, other = world.things[mover], world.things[anchor]
     dx, dy = world.toward(_SIDEWAYS[relation.name])
     width = (thing.width + other.width) / 2
-    said = relation.measure is not None and relation.measure.unit not in ("bit", "cell")
-    gap = width + (_length(world, relation.measure, 0.0) if said else 0.3 * width + 0.01)
+    gap = width + (length_of(world, relation.measure, 0.0) if _is_gap(relation) else 0.3 * width + 0.01)
 
     def fits(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
         along = (x - other.x) * dx + (y - other.y) * dy
@@ -494,17 +481,26 @@ def _at_side(
     return _Wish(x if dx or alone else None, y if dy or alone else None, relaxed, what=what)
 
 
-def _ring(world: WorldModel, mover: int, anchor: int, what: str) -> _Wish:
-    """Return the places next to a thing: the one nearest to where the moved thing is."""
+def _is_gap(relation: RelationPhrase) -> bool:
+    """Whether a length is said that is the gap between two things."""
+    return relation.measure is not None and relation.measure.unit not in ("bit", "cell")
+
+
+def _ring(world: WorldModel, mover: int, anchor: int, what: str, relation: RelationPhrase) -> _Wish:
+    """Return the places next to a thing: the one nearest to where the moved thing is. A length is the gap."""
     thing, other = world.things[mover], world.things[anchor]
-    gap = 0.65 * (thing.width + other.width) + 0.005
+    width, most = (thing.width + other.width) / 2, NEAR
+    gap = 1.3 * width + 0.005
+    if _is_gap(relation):
+        gap = width + length_of(world, relation.measure, 0.0)
+        most = max(NEAR, gap + 0.01)
     x, y = min(max(thing.x, world.bounds[0]), world.bounds[1]), min(max(thing.y, world.bounds[2]), world.bounds[3])
     away = max(math.dist((x, y), (other.x, other.y)), 1e-6)
     nx, ny = other.x + (x - other.x) * gap / away, other.y + (y - other.y) * gap / away
 
     def fits(gx: NDArray[np.float64], gy: NDArray[np.float64]) -> NDArray[np.bool_]:
         apart = np.hypot(gx - other.x, gy - other.y)
-        return apart <= (NEAR if (apart <= NEAR).any() else 0.166)
+        return apart <= (most if (apart <= most).any() else 0.166)
 
     return _Wish(nx, ny, fits, what=what)
 
@@ -515,7 +511,7 @@ def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase,
     before = max(math.dist((thing.x, thing.y), (other.x, other.y)), 1e-6)
     ux, uy = (other.x - thing.x) / before, (other.y - thing.y) / before
     bit = relation.measure is not None
-    step = _length(world, relation.measure, world.pitch + 0.02)
+    step = length_of(world, relation.measure, world.pitch + 0.02)
     if relation.name == "toward":
         step = min(step, before) if bit else max(before - 0.65 * (thing.width + other.width) - 0.005, 0.0)
     else:

@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 from language import costs
-from language.meanings import Entity, Gesture, RelationPhrase
+from language.meanings import Entity, Gesture, Measure, RelationPhrase
 from language.world import FLAT, WorldModel
 
 NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
@@ -158,3 +158,15 @@ def pair_of(things: Sequence[Any], sign: float = 1.0) -> list[Any]:
 def extent(world: WorldModel, index: int) -> float:
     """Return how large a thing is, in metres: its width; containers are larger than what fits in them."""
     return 1.0 if index in world.containers else round(world.things[index].width, 3)
+
+
+def length_of(world: WorldModel, measure: Measure | None, default: float) -> float:
+    """Return a length in the world's unit."""
+    if measure is None:
+        return default
+    if measure.unit == "bit":
+        return world.little
+    if measure.unit == "cell":
+        return measure.number * world.pitch
+    metres = measure.number * float(measure.unit)
+    return metres if not world.cells else float(round(metres / 0.05))

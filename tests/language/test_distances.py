@@ -46,3 +46,18 @@ def test_the_table_is_not_moved_and_nothing_else_instead():
     outcome = Dialogue().answer("put the table on top of the cubes", WORLD)
     assert isinstance(outcome, Refusal)
     assert "table" in outcome.text
+
+
+@pytest.mark.parametrize(
+    ("sentence", "gap"),
+    [
+        ("put the cyan cube 4 cm from the pink cube", 0.04),
+        ("place the cyan cube at a distance of 6 cm from the pink one", 0.06),
+        ("put the cyan cube next to the pink one with a gap of 3 cm", 0.03),
+        ("set the cyan cube a hand's width away from the pink cube", 0.09),
+    ],
+)
+def test_a_length_beside_a_thing_is_the_gap_between_the_two(sentence, gap):
+    dx, dy, _ = moved(sentence)
+    x, y = WORLD.things[0].x + dx - WORLD.things[1].x, WORLD.things[0].y + dy - WORLD.things[1].y
+    assert math.hypot(x, y) - WORLD.things[0].width == pytest.approx(gap, abs=0.012)

@@ -353,3 +353,32 @@ def test_a_state_is_told_whatever_it_is_called(sentence, state, told):
     outcome = said(sentence, state)
     assert isinstance(outcome, Answer), outcome
     assert told in outcome.text
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("take the blue one off the cyan one and put the gray one up there instead", "S", ["stack gray cyan"]),
+        ("please put the blue cube away, the drawer is fine", "A", ["open drawer", "put_in blue drawer"]),
+        (
+            "put the gray cube in the drawer, and I'd rather not find it open afterwards",
+            "B",
+            ["put_in gray drawer", "close drawer"],
+        ),
+        (
+            "put away the gray and the cyan cube, one in the fridge, the other in the drawer",
+            "BF",
+            ["put_in gray fridge", "put_in cyan drawer"],
+        ),
+        ("let me relieve you of the red cube", "D", ["hand_over red hand"]),
+        ("put the yellow cube in the fridge super fast", "F", ["put_in yellow fridge"]),
+        ("separate the two blocks that are stacked", "S", ["pick_and_place blue"]),
+    ],
+)
+def test_what_is_meant_by_parts_of_a_sentence_together_is_done(sentence, state, steps):
+    assert [each for each in done(sentence, state) if each in steps] == steps
+
+
+def test_a_question_with_emphasis_or_politeness_is_answered():
+    for sentence in ("where on earth is the yellow block?", "where is the yellow cube, if I may ask?"):
+        assert "red fridge" in said(sentence, "K").text
