@@ -392,8 +392,8 @@ CONDITION = re.compile(
     r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+)$"
 )
 SAME = re.compile(
-    r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|that|it)"
-    r"(?: thing| again| once more)*(?: ,)?(?: but)? "
+    r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|equivalent|that|it|repeat)"
+    r"(?: thing| again| once more| distance| amount| move| movement| shift| displacement)*(?: ,)?(?: but)? "
     r"(?:with|for|to|using|goes for)|(?:and )?(?:once )?(?:again|more) (?:but )?(?:with|for)"
     r"|how about|what about|also) | (?:as well|too|also|likewise|(?:in )?same way)$"
 )

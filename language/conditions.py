@@ -45,6 +45,11 @@ _IF_SO = re.compile(  # "can you reach it? if so, grab it"
     r"^(?:(?:can|could) you )?(?:please )?([^?.;,]+?)(?: [?.;,])+ if (?:so|yes|you can|that works)"
     r"(?: ,)?(?: then| please)*(?: do (?:so|it|that) and)?(?= )"
 )
+_AFTER_ANSWER = re.compile(  # "is anything in it?" - "Yes: ..." - "if so, take it out"
+    r"^(?:(?:and|then|so|well|okay) )*"
+    r"(?:if (?:so|yes|it is|it does|there is|they are|that is (?:so|right|true))|in that case)"
+    r"(?: ,)?(?: then)? (?P<do>.+)"
+)
 _STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
 _INVERTED = re.compile(r"^(should|must|may|can|shall) (.+?) (go|be|stand|lie|come|move|get)\b")  # "only if ..."
 _SOMEBODY = re.compile(
@@ -233,10 +238,25 @@ class Conditions(Corrections):
         refs = phrase(self.now, self.planner(), scan(text))[1]
         return [i for ref in refs[:1] for i in ref.things[-1:]]
 
+    def _after_answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return the outcome of what is to be done if the last answer was yes; None where nothing was answered so."""
+        told = _AFTER_ANSWER.match(plain_start(sentence))
+        last = self.turns[-1].outcome if self.turns else None
+        if told is None or not isinstance(last, Answer) or not re.match(r"(?:Yes|No)\b", last.text):
+            return None
+        if last.text.startswith("No"):
+            why = f"I do nothing, because {last.text.partition(': ')[2] or 'it is not so'}"
+            return Answer(sentence, 1.0, (), (0, len(sentence)), text=why)
+        trial = self.copy()
+        trial.it = last.about or self.it
+        return replace(trial._command(told["do"], made), span=(0, len(sentence)))
+
     def _conditional(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the outcome of a sentence with conditions; None of another one."""
         if self.now.cells:  # no condition is compared with a board
             return None
+        if (outcome := self._after_answer(sentence, made)) is not None:
+            return outcome
         trial, notes = self.copy(), []
         left: tuple[str, ...] = ()
         plain = plain_start(sentence).replace(" 's ", " is ")

@@ -445,7 +445,8 @@ class Dialogue(Conditions):
         """Return the last question with another phrase: "what is in the drawer?", "and in the fridge?"."""
         last = self.turns[-1] if self.turns else None
         match = re.match(r"(?:and|what about|how about|and what about|or)\b ?(.+)$", words)
-        earlier = (question(" ".join(part.words)) for part in parts_of(last.sentence)) if last else ()
+        answered = last is not None and isinstance(last.outcome, Answer)
+        earlier = (question(" ".join(part.words)) for part in parts_of(last.sentence)) if last and answered else ()
         before = next((asked for asked in earlier if asked), None)
         placed = rf"\b(?:{verb_words()})\b|\bon (?:top(?: of)? ?)?(?:it|that|those|)$"  # says what is to be done
         if match is None or before is None or re.search(placed, match[1]):

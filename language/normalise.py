@@ -240,7 +240,8 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
     start = max((i + 1 for i, word in enumerate(words) if word in ".;!?"), default=0)
     if re.fullmatch(verb_words(), first):
         verbs = [i for i in range(start, len(words)) if re.fullmatch(verb_words(), words[i])]
-        return verbs[-1] if verbs else None
+        whole = start if words[start:] and words[-1] in ("it", "that", "them") else None  # "into the drawer with it"
+        return verbs[-1] if verbs else whole
     from language.words import FILLERS, colors, nouns
 
     prepositions = set(phrases("in, on, into, to, onto, behind, under, near, left, right, from, between, next"))

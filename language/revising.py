@@ -73,7 +73,9 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
     """
     clause = reply.steps[0]
     anchors = [anchor for place in last.steps[-1].places for anchor in place.anchors]
-    goes = any(len(place.anchors) == 1 for step in last.steps for place in step.places)
+    goes = any(
+        len(place.anchors) == 1 and place.anchors[0].kind == "thing" for step in last.steps for place in step.places
+    )
     if clause.entity is not None and clause.entity.kind == "list" and len(clause.entity.parts) == 2 and goes:
         return _with_pair(last, *sorted(clause.entity.parts, key=lambda part: part.noun in ENCLOSING))
     rejected = next((each.anchors[0] for each in getattr(clause.entity, "relations", ()) if each.name == "not"), None)
@@ -122,8 +124,13 @@ def _object_clause(steps: tuple[Clause, ...]) -> int | None:
 
 
 def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...] | None:
+    """Return the clauses with another object in the last that names one, and in those before with the same thing."""
     at = _object_clause(steps)
-    return None if at is None else (*steps[:at], replace(steps[at], entity=entity), *steps[at + 1 :])
+    if at is None:
+        return None
+    shown = getattr(steps[at].entity, "pointed", None)
+    alike = [shown is not None and getattr(step.entity, "pointed", None) == shown for step in steps]
+    return tuple(replace(step, entity=entity) if i == at or alike[i] else step for i, step in enumerate(steps))
 
 
 def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:

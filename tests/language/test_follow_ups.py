@@ -321,3 +321,41 @@ def test_what_is_asked_or_said_of_the_turns_before_is_answered(turns, told):
     outcome = outcome_of(turns)
     assert isinstance(outcome, Answer)
     assert outcome.text.startswith(told)
+
+
+@pytest.mark.parametrize("rest", ["and the rest", "the others too", "the rest as well, please"])
+def test_the_rest_are_all_others(rest):
+    assert set(moved(outcome_of(f"move the blue cube to the left / {rest}"))) == {"yellow", "red"}
+
+
+def test_two_more_things_go_to_the_same_side_and_not_on_one_another():
+    outcome = outcome_of("put the blue cube on the left side / and the red and the yellow one")
+    assert moved(outcome) == ["red", "yellow"]
+    assert all(step.goal is None for step in outcome.steps)
+
+
+def test_if_so_means_the_last_answer():
+    inside = room(inside={RED: DRAWER}, open={DRAWER})
+    assert asked_steps(outcome_of("is anything in the drawer? / if so, take it out", inside)) == [("take_out", RED)]
+    outcome = outcome_of("is anything in the drawer? / if so, take it out")
+    assert isinstance(outcome, Answer)
+    assert "nothing is in the drawer" in outcome.text
+
+
+@pytest.mark.parametrize("again", ["repeat for the blue one", "the same displacement with the blue cube"])
+def test_a_move_is_repeated_with_another_thing_whatever_it_is_called(again):
+    assert moved(outcome_of(MOVED + again)) == ["blue"]
+
+
+def test_a_correction_changes_a_thing_in_all_that_was_done_with_it():
+    outcome = outcome_of(
+        "take the red cube and then put it in the drawer / no, I meant the blue one", room(open={DRAWER})
+    )
+    assert asked_steps(outcome)[-1] == ("put_in", BLUE)
+    assert [step.object for step in outcome.steps if step.verb == "grasp"] == [BLUE]
+
+
+def test_out_again_and_a_clause_that_is_taken_back():
+    assert asked_steps(outcome_of("put the red cube in the drawer / no. out again."))[-1] == ("take_out", RED)
+    outcome = outcome_of("pick up the red cube / now into the drawer with it. or no, give it to me")
+    assert asked_steps(outcome)[-1] == ("hand_over", RED)
