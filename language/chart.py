@@ -22,6 +22,7 @@ _NAMES = "size role single other every both any ordinal last superlative number 
 _MODIFIERS = tuple(_NAMES.split())
 _AREAS = ("corner", "edge", "side", "center")
 _ONLY_PLACES = ("toward", "away", "into", "home", "spot_of")  # these say where a thing goes, not which one it is
+_SPACED = ("left", "right", "front", "behind", "near")  # with how far apart two things are
 MOST_RELATIONS = 3  # of one phrase
 MOST_ATTACHED = 12  # phrases with one more relation that are weighed at one token
 KEPT = 3  # items of the same span
@@ -249,6 +250,9 @@ class Chart:
                 bare = relation.value.name == "direction"
                 if (bare and relation.value.value in ("up", "down")) or relation.value.name in _ONLY_PLACES:
                     continue
+                further = relation.value.name in ("to", "left", "right") and relation.value.anchors[0].kind in _AREAS
+                if further and item.value.kind in _AREAS and self.lattice.table:
+                    continue  # "from the right | to the left side"
                 cost = item.cost + relation.cost + costs.RELATION
                 cost += costs.BARE_DIRECTION * (bare and relation.value.value != "top")
                 pairs.append((cost, item, relation))
@@ -390,23 +394,48 @@ class Chart:
         for measure in self.measure(start):
             for item in self._plain(measure.end):
                 relation: RelationPhrase = item.value
+                if relation.name == "from" and self.lattice.text(measure.end) == "away":
+                    continue  # "3 cm away from it" is farther
                 if relation.measure is None and relation.name not in ("held", "bare", "here", "of", "into", "home"):
                     measured = RelationPhrase(
                         relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
                     )
                     found.append(Item(item.end, measured, measure.cost + item.cost, measure.skipped | item.skipped))
-        return found
+        return [each for item in found for each in (item, *self._between_middles(item))]
+
+    def _between_middles(self, item: Item) -> list[Item]:
+        """Return a relation with a length that is measured as the words after it say: "from center to center"."""
+        edges = self.lattice.get(item.end + (self.lattice.text(item.end) == ","), "middles")
+        measure = replace(item.value.measure, middles=True)
+        return [item._replace(end=edge.end, value=replace(item.value, measure=measure)) for edge in edges]
 
     def _by(self, item: Item) -> list[Item]:
-        """Return a relation with the length after it: "away from me by 6 cm"."""
+        """Return a relation with the length after it: "away from me by 6 cm", "right of it, with a gap of 2 cm"."""
         relation: RelationPhrase = item.value
-        if relation.measure is not None or relation.name not in ("toward", "away") or not self.lattice.table:
+        if relation.measure is not None or not self.lattice.table:
+            return []
+        if relation.name in ("toward", "away"):
+            found = self.measure(item.end)
+        elif relation.name in _SPACED:
+            found = self._spacing(item.end + (self.lattice.text(item.end) == ","))
+        else:
             return []
         return [
             Item(by.end, replace(relation, measure=by.value, span=(relation.span[0], by.end)), item.cost, item.skipped)
-            for by in self.measure(item.end)
+            for by in found
             if by.value.unit != "bit"
         ]
+
+    def _spacing(self, start: int) -> list[Item]:
+        """Return the lengths that say how far two things are apart: "with a gap of 2 cm", "7 cm center to center"."""
+        found = []
+        leads = [start, *(edge.end for edge in self.lattice.get(start, "spacing"))]
+        for at in leads:
+            for length in self.measure(at):
+                tails = [edge.end for edge in self.lattice.get(length.end, "spaced")]
+                plain = at > start or length.value.middles or self.lattice.text(start) == "by"
+                found += [length._replace(end=end) for end in [*tails, *([length.end] if plain else [])]]
+        return found
 
     def anchored(self, start: int) -> list[Item]:
         """Return the entities that may follow a preposition."""
@@ -421,7 +450,10 @@ class Chart:
         for number in numbers:
             at = number.end + (number.end < len(self.lattice) and self.lattice.is_filler(number.end))
             for unit in self.lattice.get(at, "unit"):
-                found.append(Item(unit.end, Measure(number.value, unit.value), number.cost + unit.cost))
+                cost = number.cost + unit.cost
+                found.append(Item(unit.end, Measure(number.value, unit.value), cost))
+                for middles in self.lattice.get(unit.end, "middles"):
+                    found.append(Item(middles.end, Measure(number.value, unit.value, middles=True), cost))
         return found
 
 
@@ -445,5 +477,5 @@ def odd(relation: RelationPhrase) -> float:
     if kind == "list" and relation.name != "among":
         return costs.TOO_MUCH if relation.name in ("on", "over") else 4 * costs.ODD_PREPOSITION
     if relation.name in ("left", "right") and kind == "side":  # "in the lower right to ..."
-        return costs.ODD_PREPOSITION
+        return 2 * costs.ODD_PREPOSITION
     return 0.0

@@ -29,10 +29,14 @@ class Gesture:
 
 @dataclass(eq=False, slots=True)
 class Measure:
-    """A length. unit: "cell", "bit" (a small step), or metres per unit as text."""
+    """A length. unit: "cell", "bit" (a small step), or metres per unit as text.
+
+    middles: whether it is the distance between the middles of two things, not the gap between them.
+    """
 
     number: float
     unit: str
+    middles: bool = False
 
 
 @dataclass(eq=False, slots=True)

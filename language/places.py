@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -16,16 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from language import costs
+from language.free_spots import GRID, SHARES, clear_of, free_grid, grid
 from language.meanings import Entity, Measure, RelationPhrase
 from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
 from language.spots import Point, Spot, a_name, elsewhere, enclosed, facing, length_of, settle
-from language.world import FIXED, WorldModel
+from language.world import FIXED, Thing, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
 
-SHARES = {False: (1.3, 1.1), True: (1.3, 1.0)}  # widths between middles: room for fingers, and just room; on a board
-CLEAR = 1.02  # widths along an axis between cubes that stand askew beside each other without a touch
-GRID = 0.01  # metres between the spots of a table that are tried
 NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
 SPOT = 8  # points that are compared for the effort of looking for one free spot
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
@@ -157,6 +154,11 @@ def _in_region(world: WorldModel, mover: int, area: Ref) -> list[Point]:
     return [Point(x, y, 0.5 * (abs(x - thing.x) + abs(y - thing.y)) / 8, free=True) for x, y in spread]
 
 
+def _apart(world: WorldModel, width: float, measure: Measure | None) -> float:
+    """Return how far apart the middles of two things are, whose mean width is known, for a length that is said."""
+    return length_of(world, measure, 0.0) + width * (measure is not None and not measure.middles)
+
+
 def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Point]:
     thing = world.things[mover]
     if relation.value in ("up", "down") and world.cells and relation.measure is not None:
@@ -238,7 +240,7 @@ class _Wish(NamedTuple):
     """Where something should go: nominal x and y, None where the words leave it open; which spots will do; a cost.
 
     spot: the only spot that is meant, such as on a thing or in a container. what: in words. length: how far it shall
-    move, if that is said.
+    move, if that is said. why_not: why nothing fits, where that is known.
     """
 
     x: float | None
@@ -249,6 +251,7 @@ class _Wish(NamedTuple):
     what: str = ""
     anchor: int | None = None
     length: float = 0.0
+    why_not: str = ""
 
 
 def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
@@ -279,7 +282,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     xs = [wish.x for wish in wishes if wish.x is not None] or [thing.x]
     ys = [wish.y for wish in wishes if wish.y is not None] or [thing.y]
     nx, ny = sum(xs) / len(xs), sum(ys) / len(ys)
-    gx, gy = _grid(world.bounds, world.cells)
+    gx, gy = grid(world.bounds, world.cells)
     if not world.cells:  # the very place
         gx, gy = np.append(gx, min(max(nx, x0), x1)), np.append(gy, min(max(ny, y0), y1))
     fits = np.ones(len(gx), bool)
@@ -287,13 +290,14 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
         fits &= wish.fits(gx, gy)
     what = next((wish.what for wish in wishes if wish.what), "there")
     if not fits.any():
-        return Spot(nx, ny, world.ground, None, cost, f"{what} is outside what the arm reaches")
+        why = next((wish.why_not for wish in wishes if wish.why_not), f"{what} is outside what the arm reaches")
+        return Spot(nx, ny, world.ground, None, cost, why)
     others = [i for each in world._standing.values() for i in each if i != mover]
     taken = [i for i in others if world.is_loose(i) or world.covers(*world.things[i][2:4])]
     boxes = tuple((*world.things[i][2:4], max(thing.width, world.things[i].width)) for i in taken)
-    masks = _free_grid(world.bounds, world.cells, boxes)
+    masks = free_grid(world.bounds, world.cells, boxes)
     if not world.cells:
-        masks = tuple(np.append(a, b) for a, b in zip(masks, _free(gx[-1:], gy[-1:], False, boxes), strict=True))
+        masks = tuple(np.append(a, b) for a, b in zip(masks, clear_of(gx[-1:], gy[-1:], False, boxes), strict=True))
     for share, mask in zip(SHARES[world.cells], masks, strict=True):
         free = fits & mask
         if free.any():
@@ -308,29 +312,6 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]))
     why = f"{a_name(world, near)} stands there: there is no free spot near enough"
     return Spot(nx, ny, world.ground, None, cost, why)
-
-
-@lru_cache(maxsize=8)
-def _grid(bounds: tuple[float, float, float, float], cells: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the x and y of the spots that are tried: those of a table, or the cells of a board."""
-    (x0, x1, y0, y1), step = bounds, 1.0 if cells else GRID
-    gx, gy = np.meshgrid(np.arange(x0, x1 + 1e-6, step), np.arange(y0, y1 + 1e-6, step), indexing="ij")
-    return gx.ravel(), gy.ravel()
-
-
-@lru_cache(maxsize=64)
-def _free_grid(bounds: tuple[float, ...], cells: bool, boxes: tuple[tuple[float, ...], ...]) -> tuple[NDArray, ...]:
-    """Return `_free` of the grid; the places of a sentence's plans differ in few things."""
-    return _free(*_grid(bounds, cells), cells, boxes)
-
-
-def _free(gx: NDArray, gy: NDArray, cells: bool, boxes: tuple[tuple[float, ...], ...]) -> tuple[NDArray, ...]:
-    """Return for each of SHARES which points are that far from all boxes: x, y and width of each."""
-    x, y, widths = np.array(boxes).reshape(-1, 3).T
-    dx, dy = np.abs(gx[:, None] - x), np.abs(gy[:, None] - y)
-    clear = (np.maximum(dx, dy) >= (1.0 if cells else CLEAR) * widths - 1e-9).all(axis=1)
-    away = np.hypot(dx, dy)
-    return tuple(clear & (away >= share * widths - 1e-9).all(axis=1) for share in SHARES[cells])
 
 
 def _anywhere(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -378,7 +359,17 @@ def _shifts(
         aside = np.abs(y - thing.y) if not dy else np.abs(x - thing.x) if not dx else 0.0 * x
         return ok & (aside <= np.maximum(0.03, 0.8 * (along_x + along_y)))
 
-    return [_Wish(thing.x + dx, thing.y + dy, fits, what="that place", length=math.hypot(dx, dy) * said)]
+    length, why = math.hypot(dx, dy) * said, _end_of_reach(world, thing, dx, dy) if said else ""
+    return [_Wish(thing.x + dx, thing.y + dy, fits, what="that place", length=length, why_not=why)]
+
+
+def _end_of_reach(world: WorldModel, thing: Thing, dx: float, dy: float) -> str:
+    """Return how far a thing can move in a direction, as the reason why it moves no further."""
+    (x0, x1, y0, y1) = world.bounds
+    rooms = [x1 - thing.x if dx > 0 else thing.x - x0] * bool(dx) + [y1 - thing.y if dy > 0 else thing.y - y0] * bool(
+        dy
+    )
+    return f"my reach ends after {100 * max(min(rooms), 0.0):.0f} cm that way"
 
 
 def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: bool, alone: bool) -> list[_Wish]:
@@ -426,7 +417,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
     what = f"the place {_WORDS.get(name, name)} {a_name(world, anchor)}"
     if name in _SIDEWAYS:
         return [_at_side(world, mover, anchor, relation, what, alone)]
-    if name in ("near", "nearest"):
+    if name in ("near", "nearest") or (name == "from" and relation.measure is not None):
         return [_ring(world, mover, anchor, what, relation)]
     if name in ("toward", "away", "farthest"):
         return [_along(world, mover, anchor, relation, what)]
@@ -464,7 +455,7 @@ def _at_side(
     thing, other = world.things[mover], world.things[anchor]
     dx, dy = world.toward(_SIDEWAYS[relation.name])
     width = (thing.width + other.width) / 2
-    gap = width + (length_of(world, relation.measure, 0.0) if _is_gap(relation) else 0.3 * width + 0.01)
+    gap = _apart(world, width, relation.measure) if _is_gap(relation) else 1.3 * width + 0.01
 
     def fits(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
         along = (x - other.x) * dx + (y - other.y) * dy
@@ -487,20 +478,19 @@ def _is_gap(relation: RelationPhrase) -> bool:
 
 
 def _ring(world: WorldModel, mover: int, anchor: int, what: str, relation: RelationPhrase) -> _Wish:
-    """Return the places next to a thing: the one nearest to where the moved thing is. A length is the gap."""
+    """Return the places next to a thing, or that far from it: the one nearest to where the moved thing is."""
     thing, other = world.things[mover], world.things[anchor]
-    width, most = (thing.width + other.width) / 2, NEAR
-    gap = 1.3 * width + 0.005
-    if _is_gap(relation):
-        gap = width + length_of(world, relation.measure, 0.0)
-        most = max(NEAR, gap + 0.01)
+    width, said = (thing.width + other.width) / 2, _is_gap(relation)
+    gap = _apart(world, width, relation.measure) if said else 1.3 * width + 0.005
     x, y = min(max(thing.x, world.bounds[0]), world.bounds[1]), min(max(thing.y, world.bounds[2]), world.bounds[3])
-    away = max(math.dist((x, y), (other.x, other.y)), 1e-6)
-    nx, ny = other.x + (x - other.x) * gap / away, other.y + (y - other.y) * gap / away
+    now = max(math.dist((x, y), (other.x, other.y)), 1e-6)
+    nx, ny = other.x + (x - other.x) * gap / now, other.y + (y - other.y) * gap / now
 
     def fits(gx: NDArray[np.float64], gy: NDArray[np.float64]) -> NDArray[np.bool_]:
-        apart = np.hypot(gx - other.x, gy - other.y)
-        return apart <= (most if (apart <= most).any() else 0.166)
+        away = np.hypot(gx - other.x, gy - other.y)
+        if said:
+            return np.abs(away - gap) <= GRID
+        return away <= (NEAR if (away <= NEAR).any() else 0.166)
 
     return _Wish(nx, ny, fits, what=what)
 

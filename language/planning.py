@@ -96,6 +96,8 @@ class Planner(Several):
             if near is not None:  # "move the gripper to"
                 clause = Clause(doing(Act.TOUCH), near, span=clause.span)
             act = clause.act
+        if act is Act.EMPTY and clause.entity is not None and clause.entity.kind == "robot":  # "empty your gripper"
+            clause, act = Clause(doing(Act.LOWER), span=clause.span), Act.LOWER
         if plan.failure or (act is Act.OPERATE and _names_it(plan, clause)):  # "the red wheel, turn it"
             yield plan
         elif (other := unfit(plan.world, clause)) and not clause.negated:

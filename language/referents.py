@@ -13,7 +13,7 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest, extent, pair_of
+from language.spots import Rest, extent, half_of, pair_of
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
@@ -509,16 +509,17 @@ class Resolver:
         return []
 
     def _select(self, entity: Entity, refs: list[Ref], relation: RelationPhrase) -> list[Ref]:
-        if relation.name == "direction":
-            return self._toward(refs, (relation.value or "",), entity.number or 1)
-        anchor, number, sign = relation.anchors[0], entity.number or 1, -1.0 if relation.name == "farthest" else 1.0
+        anchor, number = next(iter(relation.anchors), Entity()), entity.number or 1
+        sides, sign = anchor.sides or (relation.value or "",), -1.0 if relation.name == "farthest" else 1.0
+        locates = relation.name == "direction" or (relation.name != "farthest" and anchor.kind == "side" and sides[0])
+        if locates and (entity.every or entity.plural) and number == 1 and (half := half_of(self.world, refs, sides)):
+            return half  # "all cubes on the right"
+        if relation.name == "direction" or (locates and number > 1 and not self.world.cells):
+            return self._toward(refs, sides, number)
         if anchor.kind == "mutual":  # "the two cubes that are closest together"
             return pair_of(refs, sign) if number == 2 else []
-        if number > 1 and anchor.kind == "side" and anchor.sides and not self.world.cells and sign > 0:
-            return self._toward(refs, anchor.sides, number)
         if relation.name == "near":
-            touching = self._related(refs, RelationPhrase("beside", relation.anchors))
-            return touching or self._nearest(refs, anchor)
+            return self._related(refs, RelationPhrase("beside", relation.anchors)) or self._nearest(refs, anchor)
         return self._nearest(refs, anchor, sign, number)
 
     def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0, number: int = 1) -> list[Ref]:

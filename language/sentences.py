@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 from language import costs
+from language.absence import cleared
 from language.chart import Chart, Judge
 from language.lattice import Item, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase, bound, needs_gesture, pointing_words
@@ -302,7 +303,8 @@ class _Sentences:
             built = self._building(verb, at, start)
             for i, place in [(item, place) for item in built for place in self.places(item.end)]:
                 what = i.value.entity  # "stack the two cubes on the right" rather says which two
-                which = costs.TAKEN_SOMEWHERE * (what.kind == "thing" and what.span[0] == at and bool(what.number))
+                says_which = what.kind == "thing" and what.span[0] == at and (what.number or what.every)
+                which = costs.TAKEN_SOMEWHERE * bool(says_which)
                 clause = replace(i.value, places=place.value)
                 built = [*built, Item(place.end, clause, i.cost + place.cost + which, i.skipped | place.skipped)]
             return built
@@ -454,17 +456,16 @@ class _Sentences:
             found.append(Item(entity.end, clause, entity.cost + costs.NO_VERB, entity.skipped))
             for place in self.places(entity.end):
                 clause = Clause(CARRYING, entity.value, place.value, span=(at, place.end))
-                vague = entity.value.kind == "thing" and not (
-                    entity.value.noun
-                    or entity.value.colors
-                    or entity.value.other
-                    or entity.value.superlative
-                    or entity.value.sides
-                )
+                it = entity.value
+                vague = it.kind == "thing" and not (it.noun or it.colors or it.other or it.superlative or it.sides)
                 cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE + costs.VAGUE * (vague and self.lattice.table)
                 found.append(Item(place.end, clause, cost, entity.skipped | place.skipped))
             if self.lattice.table:
                 found += self._done(entity, at) + self._with_particle(entity, at)
+        for edge in self.lattice.get(at, "none") if self.lattice.table else ():
+            for place in self.places(edge.end):
+                if (done := cleared(place.value[0], (at, place.end))) is not None:
+                    found.append(Item(place.end, done, place.cost + costs.NO_VERB_BUT_PLACE, place.skipped))
         for place in self.places(at):
             clause = Clause(None, None, place.value, span=(at, place.end))
             found.append(Item(place.end, clause, place.cost + costs.NO_VERB, place.skipped))

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from language import costs
+from language.free_spots import GRID, SHARES
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.movers import Movers
-from language.places import GRID, ONTO, SHARES, _anywhere, _Wish, free_spot
+from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import thing_ref
 from language.revising import pinned
 from language.spots import Point, Spot, a_name, place_at, settle

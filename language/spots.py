@@ -12,6 +12,7 @@ from language.meanings import Entity, Gesture, Measure, RelationPhrase
 from language.world import FLAT, WorldModel
 
 NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
+MIDDLE = 0.125  # of a table's width or depth, from its middle, within which a thing is in neither half
 BRUSHED = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
 Rest = tuple[float, float, int | None]  # x and y where a thing stood, and what it stood on or was in
 
@@ -102,7 +103,9 @@ def facing(world: WorldModel, relation: RelationPhrase, alone: bool) -> Relation
     The person is opposite the robot; "forward" is away from whose left is meant.
     """
     kind = relation.anchors[0].kind if relation.anchors else ""
-    leaves = relation.name in ("away", "farthest") and kind == "robot" and (alone or relation.measure is not None)
+    leaves = (
+        relation.name in ("away", "farthest", "from") and kind == "robot" and (alone or relation.measure is not None)
+    )
     comes = relation.name == "toward" or (relation.name == "to" and kind == "robot")
     if not leaves and not (comes and (kind == "robot" or (kind == "person" and world.hand is None))):
         return relation
@@ -153,6 +156,15 @@ def pair_of(things: Sequence[Any], sign: float = 1.0) -> list[Any]:
     """Return the two of some things, each with x and y, that are closest together; with sign -1, farthest apart."""
     apart = lambda pair: sign * math.dist((pair[0].x, pair[0].y), (pair[1].x, pair[1].y))  # noqa: E731
     return list(min(combinations(things, 2), key=apart, default=()))
+
+
+def half_of(world: WorldModel, things: Sequence[Any], sides: tuple[str, ...]) -> list[Any]:
+    """Return which things, each with x and y, are in one half of a table; none for other sides, or on a board."""
+    if len(sides) != 1 or sides[0] in ("center", "up", "top", "down") or world.cells:
+        return []
+    (x0, x1, y0, y1), (dx, dy), (x, y) = world.bounds, world.toward(world.side(sides[0])), world.center
+    least = MIDDLE * ((x1 - x0) * abs(dx) + (y1 - y0) * abs(dy))
+    return [each for each in things if dx * (each.x - x) + dy * (each.y - y) > least]
 
 
 def extent(world: WorldModel, index: int) -> float:

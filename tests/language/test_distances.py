@@ -25,6 +25,8 @@ def moved(sentence, scene=SCENE):
         ("move the cyan cube 5 cm closer to you", -0.05, 0.0),
         ("move the cyan cube away from you by 6 cm", 0.06, 0.0),
         ("move the cyan cube 2 inches to the left", 0.0, -0.0508),
+        ("move the cyan cube 5 cm closer to me and 4 cm to the right", 0.05, 0.04),
+        ("cyan cube: 4 cm to the right and 5 cm away from you", 0.05, 0.04),
         ("move the cyan cube ten cm closer to you and then five cm to the left", -0.10, -0.05),
     ],
 )
@@ -61,3 +63,27 @@ def test_a_length_beside_a_thing_is_the_gap_between_the_two(sentence, gap):
     dx, dy, _ = moved(sentence)
     x, y = WORLD.things[0].x + dx - WORLD.things[1].x, WORLD.things[0].y + dy - WORLD.things[1].y
     assert math.hypot(x, y) - WORLD.things[0].width == pytest.approx(gap, abs=0.012)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "distance"),
+    [
+        ("put the cyan cube to the left of the pink one, 7 cm center to center", 0.07),
+        ("put the cyan cube 8 cm to the left of the pink one, measured from middle to middle", 0.08),
+        ("put the cyan cube left of the pink one with a gap of 3 cm", 0.08),
+        ("put the cyan cube left of the pink one, 3 cm apart", 0.08),
+        ("put cyan to the left of pink, leaving 2 cm between them", 0.07),
+        ("put the cyan cube next to the pink one at a distance of 4 cm", 0.09),
+        ("put the cyan cube 5 cm from the pink one", 0.10),
+    ],
+)
+def test_a_thing_stands_as_far_from_another_as_is_said(sentence, distance):
+    x, y, _ = moved(sentence)
+    at, other = (WORLD.things[0].x + x, WORLD.things[0].y + y), WORLD.things[1]
+    assert math.dist(at, (other.x, other.y)) == pytest.approx(distance, abs=0.01)
+
+
+def test_a_length_that_leaves_the_reach_is_refused_with_what_is_left_of_it():
+    outcome = Dialogue().answer("move the cyan cube 90 cm away from you", WORLD)
+    assert isinstance(outcome, Refusal)
+    assert "my reach ends after 12 cm" in outcome.text.lower()

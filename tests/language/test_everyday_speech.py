@@ -312,7 +312,7 @@ def test_what_people_say_in_their_own_english_is_done(sentence, state, steps):
 
 
 def test_why_a_thing_cannot_go_so_far_is_the_reach_and_not_the_verb():
-    assert "outside what the arm reaches" in said("shift the blue cube 20 cm to the right").text
+    assert "my reach ends after 1 cm" in said("shift the blue cube 20 cm to the right").text
 
 
 @pytest.mark.parametrize(
