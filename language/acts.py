@@ -275,6 +275,8 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),
     (rf"(?:in )?what {_HOW_IT_IS} (?:is|are) (.+?)(?: in| at)?", r"how is \1"),
     (rf"what (?:has|is|does) ({_FIXED}) (?:got|have|hold|contain|hide|store)(?: {_IN_IT})?", r"what is in \1"),
+    (r"(which (?!one\b.* or\b).+?) is (?:closer|nearer)(?: by)? to ([^,]+)", r"\1 is closest to \2"),
+    (r"(which (?!one\b.* or\b).+?) is (?:farther|further)(?: away)? from ([^,]+)", r"\1 is farthest from \2"),
     (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
     (r"why you (?:do|would|could|can) not (.+)", r"why do not you \1"),
     (r"where (?:it is|they are) (.+)", r"where is \1"),

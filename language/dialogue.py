@@ -214,6 +214,8 @@ class Dialogue(Conditions):
             )
         if act is None or (act not in ("stop", "wait") and not isinstance(outcome, Answer)):
             return None  # other signals are meant only where nothing else is asked for
+        if act == "wait" and any(part.act is None and command_word().match(" ".join(part.words)) for part in parts):
+            return None  # "no, wait, put it on the blue one"
         return self._signal(sentence, [word for part in parts if part.act == act for word in part.words])
 
     def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:

@@ -43,7 +43,8 @@ def spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...],
 
 def _spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
     world = resolver.world
-    given = any(anchor.kind == "person" for each in relations if each.name not in _APART for anchor in each.anchors)
+    reached = [each for each in relations if each.name not in _APART and each.measure is None]
+    given = any(anchor.kind == "person" for each in reached for anchor in each.anchors)
     if world.hand is not None and given:
         return [enclosed(world, world.hand, 0.0)]
     if not world.cells:
@@ -541,7 +542,7 @@ def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref)
     if area.kind == "robot" and name == "in":
         return []  # "in the gripper" is no place on the table
     if area.kind in ("robot", "person"):
-        return [_side_wish(world, ["near" if area.kind == "robot" else "far"], area.kind == "person")]
+        return [_side_wish(world, ["near" if area.kind == "robot" else "far"], area.kind == "person", absolute=True)]
     if area.kind == "cell":  # what a gesture shows
         return [_near_point(area.x, area.y, 0.12, "that place")]
     if name in _SIDEWAYS and area.kind == "board":

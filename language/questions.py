@@ -229,7 +229,7 @@ class Questions(Alternatives):
         world = self.world
         match = re.fullmatch(
             r"(?:(?:have|has|hold|holds|contain|contains|got|with) )?(?P<what>.*?) ?(?:in|inside|within|on)"
-            r"(?: it| them)?"
+            r"(?: top)?(?: of)?(?: it| them)?"
             r"|(?:have|has|hold|holds|contain|contains) (?P<only>.+)",
             plain,
         )
@@ -468,12 +468,15 @@ class Questions(Alternatives):
     def count(self, match: re.Match[str]) -> str | None:
         """Say how many things fit a phrase, or how many there are of which something is so."""
         text = re.sub(r"\b(?:are|is) there\b|\b(?:do|can) (?:you|we|i) (?:see|have|count|find)\b", "", match[1]).strip()
-        text = re.sub(r" (?:have|has|there|you have|got|exist|here)(?= |$)", "", text)
+        text = re.sub(r" (?:have|has|there|you have|got|exist|here|in total|altogether|overall)(?= |$)", "", text)
         if re.search(r"\b(?:would|could|if)\b", text):  # what is not so
             return None
         text = re.sub(r"^(?=(?:are|is|stand|lie|do|have)\b|$)", "things ", text)
         found = self.split(text)
-        things = [i for i in found[0] if found[1].holds(i)] if found else self.refs(text)[1]
+        entity, fits = (None, []) if found else self.refs(text)
+        if found is None and (entity is None or Lattice(scan(text)).unknown):
+            return None
+        things = [i for i in found[0] if found[1].holds(i)] if found else fits
         over = re.fullmatch(
             rf"(?:(?:cubes|blocks|things|ones|of them|pieces) )?(?:{_BE} )*(?:on top of|on|above|over) (.*)", text
         )

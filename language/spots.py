@@ -103,11 +103,10 @@ def facing(world: WorldModel, relation: RelationPhrase, alone: bool) -> Relation
     The person is opposite the robot; "forward" is away from whose left is meant.
     """
     kind = relation.anchors[0].kind if relation.anchors else ""
-    leaves = (
-        relation.name in ("away", "farthest", "from") and kind == "robot" and (alone or relation.measure is not None)
-    )
-    comes = relation.name == "toward" or (relation.name == "to" and kind == "robot")
-    if not leaves and not (comes and (kind == "robot" or (kind == "person" and world.hand is None))):
+    measured = relation.measure is not None
+    leaves = relation.name in ("away", "farthest", "from") and kind == "robot" and (alone or measured)
+    comes = relation.name == "toward" or (relation.name == "to" and (kind == "robot" or measured))
+    if not leaves and not (comes and (kind == "robot" or (kind == "person" and (world.hand is None or measured)))):
         return relation
     forward = (leaves or kind == "person") != (world.viewpoint == "human")
     value = "forward" if forward else "backward"

@@ -382,3 +382,27 @@ def test_what_is_meant_by_parts_of_a_sentence_together_is_done(sentence, state, 
 def test_a_question_with_emphasis_or_politeness_is_answered():
     for sentence in ("where on earth is the yellow block?", "where is the yellow cube, if I may ask?"):
         assert "red fridge" in said(sentence, "K").text
+
+
+@pytest.mark.parametrize("hand", [True, False])
+def test_towards_me_is_away_from_the_robot_by_the_length_that_is_said(hand):
+    scene = Scene(
+        [Object("cube", "gray", (0.40, -0.05, 0.025)), *[Object("palm", "pink", (0.57, -0.4, 0.15))] * hand], "human"
+    )
+    world = table(scene, bounds=(0.32, 0.56, -0.3, 0.3))
+    outcome = Dialogue().answer("shift the gray cube 4 cm towards me", world)
+    assert isinstance(outcome, Plan), outcome
+    assert outcome.steps[-1].place == pytest.approx((0.44, -0.05) if not hand else outcome.steps[-1].place, abs=0.005)
+    assert all(step.verb != "hand_over" for step in outcome.steps)
+
+
+def test_near_me_is_the_side_of_the_person_whoever_looks():
+    for viewpoint in ("human", "robot"):
+        world = table(Scene([Object("cube", "gray", (0.40, -0.05, 0.025))], viewpoint), bounds=(0.32, 0.56, -0.3, 0.3))
+        outcome = Dialogue().answer("put the gray cube near me", world)
+        assert outcome.steps[-1].place[0] > 0.5
+
+
+def test_what_is_counted_is_known():
+    assert "six (6)" in said("how many cubes are there in total?").text
+    assert isinstance(said("how many degrees of freedom does this arm have?"), Refusal)
