@@ -11,13 +11,15 @@ from itertools import pairwise
 
 from language import costs
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
-from language.revising import only_verb, unfit
+from language.revising import only_verb, pinned, unfit
 from language.several import Several, is_mutual
+from language.spots import a_name
 from language.steps import (
     BOXES,
     CARRY,
     KEPT,
     LOOSE,
+    ON_TABLE,
     Draft,
     allows,
     different,
@@ -53,8 +55,23 @@ class Planner(Several):
                 steps = reading.otherwise or (Clause(doing(Act.CARRY), negated=True, span=reading.condition.span),)
         steps = tuple(only_verb(clause, self.world.only) for clause in steps) if self.world.only else steps
         found = self._sequence(_without_stops(steps) * reading.times, last=True, arbitrary=reading.arbitrary)
+        if len(steps) > 1 and all("is full" in each.failure for each in found):
+            found = self._made_room(steps, reading.arbitrary) or found
         forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
         return [self._allowed(finished(each), forbidden) for each in found]
+
+    def _made_room(self, steps: tuple[Clause, ...], arbitrary: bool) -> list[Draft]:
+        """Return the plans of clauses that first put on the table what fills a container and goes elsewhere later."""
+        moved = [clause for clause in steps if clause.entity is not None and clause.act in LOOSE]
+        named = [self._refs(Draft(self.world), clause, clause.entity) for clause in moved if clause.entity is not None]
+        inside = [ref.things[-1] for refs in named for ref in refs[:1] if ref.things]
+        for index in (each for each in inside if self.world.inside.get(each) in self.world.containers):
+            out = Clause(CARRY, pinned(index), ON_TABLE)
+            found = [each for each in self._sequence((out, *steps), True, arbitrary) if not each.failure]
+            if found:
+                note = f"I put {a_name(self.world, index)} on the table first"
+                return [replace(each, notes=(*each.notes, note), cost=each.cost - costs.MOVED_TWICE) for each in found]
+        return []
 
     def _sequence(self, steps: tuple[Clause, ...], last: bool, arbitrary: bool = False) -> list[Draft]:
         """Return the plans of clauses, which readings share. last: whether no clause follows."""

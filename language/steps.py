@@ -19,7 +19,7 @@ from language.world import AT_END, FIXED, WorldModel
 
 KEPT = 12  # plans of the clauses so far
 POINTS = 8  # points of places that are compared with a further relation for the same effort
-MOST_EFFORT, MOST_ON_BOARD = 500, 900  # after this, the sentence is refused
+MOST_EFFORT, MOST_ON_BOARD = 1500, 900  # after this, the sentence is refused
 LOOSE = (Act.TAKE, Act.CARRY, Act.LOWER, Act.REMOVE, Act.GIVE, Act.UNSTACK, Act.STORE, Act.SWAP, Act.BUILD, Act.GATHER)
 TAKING = (Act.TAKE, Act.HOLD, Act.REMOVE, Act.UNSTACK)
 BOXES = (Act.OPEN, Act.SHUT, Act.EMPTY)

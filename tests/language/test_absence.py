@@ -12,6 +12,8 @@ def world(inside=None, held=None, on=None):
     things = [Object("cube", color, (*at, 0.025)) for color, at in PLACES.items()]
     if on is not None:
         things[on] = Object("cube", "green", (*PLACES["red"], 0.075))
+    for index in inside or ():
+        things[index] = Object("cube", list(PLACES)[index], (0.46, -0.46, 0.03))
     room = Scene([*things, Object("drawer", "blue", (0.46, -0.46, 0.08))])
     return table(room, bounds=(0.3, 0.5, -0.2, 0.2), flat_only=True, verbs=ROOM, inside=inside or {}, held=held)
 
@@ -59,6 +61,25 @@ def test_a_gripper_that_should_be_empty_puts_down_what_it_holds():
     done, after = steps("your gripper should be empty again", world(held=0))
     assert after.held is None
     assert {index for _, index in done} == {0}
+
+
+@pytest.mark.parametrize(
+    ("sentence", "inside"),
+    [
+        ("the green block should be in the drawer and the red block should be on the table", {1: 4}),
+        ("put the green cube in the drawer and the red one on the right", {1: 4}),
+    ],
+)
+def test_what_fills_a_container_and_goes_elsewhere_is_taken_out_first(sentence, inside):
+    done, after = steps(sentence, world(inside={0: 4}))
+    assert done[:2] == [("open", 4), ("take_out", 0)]
+    assert after.inside == inside
+
+
+def test_what_fills_a_container_and_stays_there_is_told():
+    outcome = Dialogue().answer("put the green cube in the drawer and touch the red one", world(inside={0: 4}))
+    assert isinstance(outcome, Refusal)
+    assert "full" in outcome.text
 
 
 def test_no_before_a_command_is_no_absence():
