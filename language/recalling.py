@@ -49,6 +49,12 @@ _STOOD = re.compile(
     r"| initially| earlier| at start)*"
     r"|(?P<owner>\w+(?: \w+)?) 's (?:old|former|previous|original|first) (?:place|spot|position))\b(?! \w+ed\b)"
 )
+_WAS = r"(?:was|were|stood|sat|lay|had been|used to be)(?: standing| sitting| lying)?"
+_BASE = re.compile(  # what a thing stood on
+    r"\b(?:one|cube|block|thing) (?:that |which )?"
+    rf"(?:{_WAS} (?:under|beneath|underneath|below) (?P<over>it|that|this|\w+(?: \w+)?)"
+    rf"|(?P<over2>it|that|this|\w+(?: \w+)?) {_WAS} on)\b"
+)
 _POINTS = re.compile(r"\b(?:this|these|here|there)\b")
 _PLACE = r"(?:this|that) (?:spot|place|position)|here"
 _CALLS = re.compile(
@@ -85,7 +91,7 @@ class Recollections(Memory):
         places: list[tuple[int, Gesture]] = []
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
-        for find in (self._by_name, self._by_deed, self._by_order, self._by_stand):
+        for find in (self._by_name, self._by_deed, self._by_order, self._by_base, self._by_stand):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
                 first, last = (match.string[:end].count(" ") for end in (match.start(), match.end() - 1))
@@ -189,6 +195,15 @@ class Recollections(Memory):
         """Return the things with which the same was done as with the last one, in the order in which that was."""
         steps = self._steps()
         return list(dict.fromkeys(step.object for step in steps if is_done(step, frozenset([steps[-1].act]))))
+
+    def _by_base(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "the one that was under it", if the thing was taken off another one."""
+        for match in _BASE.finditer(_words(scan(sentence))):
+            told, planner = match["over"] or match["over2"], self.planner()
+            things = list(planner.it[:1]) if told in ("it", "that", "this") else self._things(told)
+            rest = planner.rests.get(things[0]) if len(things) == 1 else None
+            if rest is not None and rest[2] is not None:
+                yield match, name(self.now, rest[2])
 
     def _by_stand(self, sentence: str) -> Iterator[tuple[re.Match[str], str | Gesture]]:
         text = _words(scan(sentence))

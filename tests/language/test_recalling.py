@@ -107,3 +107,11 @@ def test_a_deed_that_was_not_done_tells_no_thing(turns):
     outcome = outcome_of(turns)
     assert isinstance(outcome, Refusal)
     assert "nothing like that" in outcome.text
+
+
+@pytest.mark.parametrize(
+    "told", ["the one that was under it", "the cube it was standing on", "the block that the red cube stood on"]
+)
+def test_what_a_thing_stood_on_is_told_by_that(told):
+    turns = f"put the red cube on the yellow one / put the red cube on the right side / pick up {told}"
+    assert steps(turns) == [("lift", "yellow")]
