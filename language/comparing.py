@@ -137,6 +137,23 @@ class Comparisons(SelfAnswers):
             return f"yes: {self._told(things[0], about).replace(self.names(things[:1]), 'each')}"
         return "no: " + "; ".join(self._told(i, about) for i in self.things)
 
+    def alike(self, match: re.Match[str]) -> str | None:
+        """Say which things have the same colour, size or shape as another one: "are two cubes of the same colour?"."""
+        things = self.subject(match[1]) or []
+        about = _ALIKE.get(match[2].rstrip("s"), "size")
+        value = lambda i: extent(self.world, i) if about == "size" else getattr(self.world.things[i], about)  # noqa: E731
+        values = [value(i) for i in things]
+        groups = [[i for i in things if value(i) == each] for each in dict.fromkeys(values) if values.count(each) > 1]
+        self.things = [i for group in groups for i in group]
+        told = "; ".join(f"{self.names(group)} are" for group in groups[:3])
+        return f"yes: {told}" if groups else f"no: no two have the same {match[2]}"
+
+    def palette(self, match: re.Match[str]) -> str | None:
+        """Name the colours of the things that can be moved."""
+        world = self.world
+        self.things = [i for i, thing in enumerate(world.things) if world.is_loose(i) and not thing.target]
+        return f"there are {self.names(self.things)}" if self.things else None
+
     def more(self, match: re.Match[str]) -> str | None:
         """Say whether there are more things of one kind than of another."""
         (one, few), (two, many) = (self.refs(match[i]) for i in (2, 3))

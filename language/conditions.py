@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
-from language.acts import CONDITION, Part, parts_of
+from language.acts import CONDITION, Part, parts_of, question
 from language.corrections import Corrections
 from language.meanings import Gesture
 from language.normalise import plain_start
@@ -29,6 +29,11 @@ _BEGINS = re.compile(
     r"|should(?= (?!you\b|i\b|we\b).* (?:be|have)\b)) "
 )
 _OTHERWISE = re.compile(r"^(?:(?:and|but) )?(?:otherwise|else|if not|or else)\b")
+_AND_TELL = re.compile(  # "open it and tell me what is in it"
+    r"(?P<do>.+?)[\s,]+(?:and|then) (?:then )?(?:tell|show) (?:me|us) "
+    r"(?P<asked>(?:what|which|where|who|how many)\b.+)$",
+    re.IGNORECASE | re.DOTALL,
+)
 _POLITE = (  # what only asks kindly
     r"(?:(?:you|we) (?:can|could|would|will|like|want|please|may|wish|do not mind|must|(?:have|need)(?: a| to|$)"
     r"|are (?:able|ready|free|so kind))|i may|i (?:can|could|might) ask|possible|necessary|needed|needs? be|so kind"
@@ -200,6 +205,24 @@ class Conditions(Corrections):
         if not isinstance(after, Plan):
             return outcome
         return replace(after, steps=(*outcome.steps, *after.steps), notes=(*outcome.notes, *after.notes))
+
+    def _then_asks(self, sentence: str, parts: Sequence[Part], made: tuple[Gesture, ...]) -> Outcome | None:
+        """Return the plan of a command before a question, with the answer: "open the drawer. What is in it?"."""
+        asked = question(" ".join(parts[-1].words)) if len(parts) > 1 and parts[-1].mark == "?" else None
+        command = sentence[: parts[-1].start].rstrip(" ,;.!-")
+        if both := _AND_TELL.match(sentence):
+            command, asked = both["do"], question(" ".join(token.text for token in scan(both["asked"])))
+        if asked is None or not command_word().match(" ".join(parts[0].words)):
+            return None
+        trial = self.copy()
+        outcome = trial._answer(command, made)
+        if not isinstance(outcome, Plan) or not outcome.steps:
+            return None
+        trial.remember(outcome, self.now)
+        told = Questions(trial.now, trial.planner(), trial.turns).answer(asked)
+        return (
+            replace(outcome, sentence=sentence, notes=(*outcome.notes, f"then: {told.rstrip('.')}")) if told else None
+        )
 
     def _about_topic(self, sentence: str, parts: Sequence[Part], made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the plan of a sentence that first says what it is about: "you see the red cube? pick it up"."""

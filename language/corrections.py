@@ -119,18 +119,19 @@ class Corrections(Replies):
     def _turned_round(self, sentence: str) -> Outcome | None:
         """Return the plan that does the last one the other way round: what was put on something goes below it."""
         done, last = self.done(), self.turns[-1].outcome if self.turns else None
-        if self.last is None or (isinstance(last, Refusal) and last.reading is not self.last):
+        refused = isinstance(last, Refusal) and last.reading is not None and last.reason != "already"
+        before = self.last if isinstance(last, Refusal) and refused else getattr(done and done.outcome, "reading", None)
+        if before is None or (refused and getattr(last, "reading", None) is not self.last):
             return None
-        if (other := _other_side(self.last.steps[-1])) is not None:  # "no, the other left"
-            return self._tried(sentence, [Reading((*self.last.steps[:-1], other))], restore=True)
-        beside = {place.name for place in self.last.steps[-1].places} & {*_SIDED, "near", "direction"}
+        if (other := _other_side(before.steps[-1])) is not None:  # "no, the other left"
+            return self._tried(sentence, [Reading((*before.steps[:-1], other))], restore=True)
+        beside = {place.name for place in before.steps[-1].places} & {*_SIDED, "near", "direction"}
         if re.search(r"\bside\b", sentence.lower()) and not beside:
             return None
-        refused = isinstance(last, Refusal)  # on that side nothing was done
         if not refused and (done is None or not isinstance(done.outcome, Plan)):
             return None
-        steps = () if refused or done is None else getattr(done.outcome, "steps", ())
-        reading = opposite(self.last, steps, self.now) or self._across(self.last, steps)
+        steps = () if refused or done is None else getattr(done.outcome, "steps", ())  # on that side nothing was done
+        reading = opposite(before, steps, self.now) or self._across(before, steps)
         return self._settle(sentence, reading) if reading is not None else None
 
     def _across(self, last: Reading, steps: Sequence[Step]) -> Reading | None:

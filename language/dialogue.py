@@ -141,7 +141,7 @@ class Dialogue(Conditions):
         text = without_idle(sentence, parts)
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Signal(sentence, 1.0, (), span, control="stop", text=f"All right, I do nothing. {_NEXT}")
-        if (told := self._asked(sentence, text, made)) is not None:
+        if (told := self._then_asks(sentence, parts, made) or self._asked(sentence, text, made)) is not None:
             topic = self._about_topic(sentence, parts, made) if isinstance(told, Refusal) else None
             return replace(topic or told, sentence=sentence)
         if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
@@ -462,6 +462,8 @@ class Dialogue(Conditions):
         anchored = old.relations[-1].anchors[:1] if old.relations else ()
         target = anchored[0] if anchored and (new.relations or words_new[0] in _PREPOSITIONS) else old
         first, last_word = target.span
+        if target is old and old.relations and not new.relations and last_word == len(words_before):
+            last_word = max(min(each.span[0] for each in old.relations), first + 1)  # "is X left of Y?", "and Z?"
         while first < last_word and words_before[first] in (
             "is",
             "are",
@@ -490,6 +492,9 @@ class Dialogue(Conditions):
             known.planner.it = tuple(known.pointed)
         told = known.answer(asked)
         about = tuple(dict.fromkeys(known.things))
+        boxes = [i for i in world.containers if world.things[i].kind in asked.split()]
+        if len(boxes) == 1 and told is not None:  # "which one is nearest to the drawer?"
+            self.box = boxes[0]
         if rest:
             trial = self.copy()
             named = about or self._told_of(asked)

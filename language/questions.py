@@ -309,6 +309,11 @@ class Questions(Alternatives):
     def split(self, text: str) -> tuple[list[int], Predicate, str, str] | None:
         """Return the subject and the predicate of a statement, and their words: the longest subject that leaves one."""
         words = text.split()
+        its = self.planner.it
+        if words[:1] == ["it"] and self.planner.box is not None and its and its[0] not in self.world.containers:
+            state = self._state(_ADDING.sub("", f"{re.sub(rf'^it (?:{_BE} )?', '', text)} ").strip())
+            if state is not None and state.holds(its[0]) is None and state.holds(self.planner.box) is not None:
+                self.planner.it = (self.planner.box,)  # "put it in the drawer", "is it closed?"
         for cut in range(len(words) - 1, 0, -1):
             head, rest = " ".join(words[:cut]), " ".join(words[cut:])
             if re.search(r" (?:is|are|have|has|contains?|holds?)\b", head) and "that" not in head:
@@ -416,7 +421,7 @@ class Questions(Alternatives):
             self.things = [i for turn in reversed(self.turns) for i in turn.about if turn.about][:12]
             return f"I mean {self.names(self.things)}" if self.things else None
         text = _with_nouns(re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text))
-        if re.search(r" (?:on|in|inside|under|next to|near|behind|at)$", text):  # "what is the red cube standing on?"
+        if re.search(r"\w (?:on|in|inside|under|next to|near|behind|at)$", re.sub(rf"^{_BE}", "", text)):  # "it is on"
             words = re.sub(rf"^{_BE} | (?:stand|lie|sit|rest)$", "", text.rpartition(" ")[0])
             self.things = self.subject(_ADDING.sub("", f"{words} ").strip()) or []
             return "; ".join(self._told(i, "place") for i in self.things[:3]) or None

@@ -37,8 +37,9 @@ _LAST = re.compile(r"\blast (?P<number>two|three)(?: ones| cubes| blocks| things
 _SAME = re.compile(r"\b(?:same )?(?:one|cube|block|thing) (?:as|from) (?:before|last time|earlier|just now)\b")
 _FIRST = re.compile(r"\b(?P<rank>first|second)(?: one)?\b(?! \w+ (?:from|on|of)\b)")
 _RANK = r"(?P<rank>first|second|third|fourth|last)"
-_NAMED_FIRST = re.compile(  # of the things that a question offered
-    rf"\b{_RANK}(?: one| cube| block| thing)? (?:(?:that |which )?you (?:have )?(?:just )?"
+_NAMED_FIRST = re.compile(  # of the things that a question or an answer named
+    rf"\b{_RANK}(?: (?P<number>two|three))?(?: ones?| cubes?| blocks?| things?)? "
+    r"(?:(?:that |which )?you (?:have )?(?:just )?"
     r"(?:mentioned|named|said|listed|offered|suggested|asked about)|of (?:those|these|them)$)"
 )
 _AGAIN = re.compile(rf"\b{_RANK}(?: (?P<noun>one|cube|block|thing))? (?=again\b|once more\b)")
@@ -183,13 +184,27 @@ class Recollections(Memory):
             order = self._done_alike()
             if match["noun"] and len(order) > 1 and abs(_RANKS[match["rank"]]) < len(order):
                 yield match, name(self.now, order[_RANKS[match["rank"]]])
-        asked = self.open_question()
-        for match in _NAMED_FIRST.finditer(text) if asked is not None else ():
-            if asked is not None and abs(_RANKS[match["rank"]]) < len(asked.candidates):
-                yield match, name(self.now, asked.candidates[_RANKS[match["rank"]]])
+        said, last = self.open_question(), self.turns[-1].outcome if self.turns else None
+        offered = said.candidates if said is not None else last.about if isinstance(last, Answer) else ()
+        for match in _NAMED_FIRST.finditer(text):
+            rank, number = _RANKS[match["rank"]], _COUNTS.get(match["number"] or "", 1)
+            named = offered[rank:][:number] if rank >= 0 else offered[-number:]
+            if len(named) == number < len(offered):
+                yield match, listed([name(self.now, i) for i in named])
         found = list(_FIRST.finditer(text))
+        things = self._spoken_in_turn() or things
         if len(things) == 2 and [match["rank"] for match in found] in (["first", "second"], ["second", "first"]):
             yield from ((match, name(self.now, things[_RANKS[match["rank"]]])) for match in found)
+
+    def _spoken_in_turn(self) -> list[int]:
+        """Return the loose things that the last answers were about, one each, the first one first."""
+        found: list[int] = []
+        for turn in reversed(self.turns):
+            loose = [i for i in turn.about if self.now.is_loose(i)]
+            if not isinstance(turn.outcome, Answer) or len(loose) != 1:
+                break
+            found.insert(0, loose[0])
+        return found if len(found) > 1 else []
 
     def _done_alike(self) -> list[int]:
         """Return the things with which the same was done as with the last one, in the order in which that was."""

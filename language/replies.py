@@ -19,7 +19,7 @@ from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
 from language.talk import name, offers, phrase
-from language.verbs import HERE, POINTING, Act
+from language.verbs import HERE, POINTING, Act, bringing
 from language.words import REGIONS
 from language.world import FIXED, WorldModel
 
@@ -216,6 +216,8 @@ class Replies(Recollections):
         if height is None or world.only is not None or self.open_question() is not None:
             return None
         side = height["side"].replace("to top", "to the top")
+        if side == "up" and world.held is None and self.planner().it and re.search(r"\b(?:again|back)\b", text):
+            return self._tried(sentence, [Reading((Clause(bringing("up"), Entity("it")),))])
         if world.held is not None and side in ("low", "lower"):  # that puts it down
             return None
         why = f"nothing is in my gripper that could go {side}: tell me first what to pick up"

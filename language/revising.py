@@ -161,6 +161,9 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
     if len(steps) > 1 and len(touched) == len(steps):  # in the other order
         return Reading(tuple(Clause(step.verb, pinned(step.object)) for step in reversed(steps)))
     carried = [step for step in steps if step.carries and not step.implied]
+    if clause.act is Act.GATHER and len(carried) > 1:  # a row
+        row = Entity("list", parts=tuple(pinned(step.object) for step in reversed(carried)))
+        return Reading((Clause(clause.verb, row),))
     pair = {step.object: step.goal for step in carried}
     if len(pair) == len(carried) == 2 and len({*pair.values()}) == 2 and None not in pair.values():
         both = Entity("list", parts=tuple(map(pinned, pair)))

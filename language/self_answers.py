@@ -124,10 +124,19 @@ class SelfAnswers(ABC):
                         return f"{thing}: I put it in {name(turn.world, step.goal)}"
             if boxes and (inside := self.world.contents(boxes[0])):
                 return f"{self.names(inside)}"
-            return None if plans else "I have done nothing yet"
+            where = f"in {self.names(boxes)}" if boxes else "in there"
+            return f"nothing: I have put nothing {where}" if plans else "I have done nothing yet"
         several = re.search(r"\b(?:so far|all|everything|until now|up to now|altogether)\b", text)
         if several and plans:
             return f"I did this: {'; then '.join(said(turn.world, plan.steps) for turn, plan in plans)}"
+        if (
+            plans
+            and len(plans[-1][1].steps) > 1
+            and re.search(r"\blast$", text)
+            and re.match(r"(?:which|what) (?:one|\w+) ", text)
+        ):
+            self.things = [plans[-1][1].steps[-1].object]
+            return self.names(self.things)
         if len(plans) > 1 and (earlier := re.search(r"\b(?:first|before)\b", text)):
             turn, plan = plans[0 if earlier[0] == "first" else -2]
             return f"I did this: {said(turn.world, plan.steps)}"

@@ -54,6 +54,12 @@ def place_at(index: int, name: str) -> RelationPhrase:
     return RelationPhrase(name, (Entity(pointed=Gesture((index,))),))
 
 
+def says_top(place: RelationPhrase) -> bool:
+    """Whether a place is "on top" of what is not said."""
+    side = [a.sides for a in place.anchors if a.kind in ("side", "thing") and not (a.noun or a.colors)]
+    return place.value == "top" or (place.name == "on" and side == [("far",)])
+
+
 def settle(world: WorldModel, mover: int, point: Point) -> Spot:
     """Return the position with its height: on the ground, or on top of what stands there."""
     column = world.column(point.x, point.y, mover)

@@ -13,7 +13,7 @@ from language.objects import HAND
 from language.outcomes import Step
 from language.places import _anywhere, _Wish, free_spot, spots
 from language.referents import Resolver
-from language.spots import Point, Rest, Spot, a_name, old_place, place_at, settle
+from language.spots import Point, Rest, Spot, a_name, old_place, place_at, says_top, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
 from language.world import AT_END, FIXED, WorldModel
 
@@ -421,10 +421,15 @@ class Steps:
         place = RelationPhrase("in", (Entity(noun=plan.world.things[box].kind, pointed=Gesture((box,))),))
         yield from self._placed(plan, clause, index, (place,))
 
+    def _tower(self, plan: Draft) -> int | None:
+        """Return what was put on another thing last, in this sentence or before it; None if that was put elsewhere."""
+        before = [i for i in self.carried[:1] if not plan.steps and plan.world.below[i] is not None]
+        return next(iter(before), stacked_last(plan)) if not plan.world.cells else stacked_last(plan)
+
     def _placed(self, plan: Draft, clause: Clause, index: int, places: tuple[RelationPhrase, ...]) -> Iterator[Draft]:
         taken = plan.world if plan.world.held == index else self._taken(plan, index).world
         resolver = self.resolver(taken, plan.it, index, plan.mentioned, plan.box)
-        if (tower := stacked_last(plan)) not in (None, index) and says_top(places[0]):  # "and the blue one on top"
+        if (tower := self._tower(plan)) not in (None, index) and says_top(places[0]):  # "and the blue one on top"
             places = (place_at(tower, "on"), *places[1:])
         resolver.rest = old_place(self.world, plan.world, index, self.rests)
         if any(anchor.any for place in places for anchor in place.anchors):
@@ -552,12 +557,6 @@ def stacked_last(plan: Draft) -> int | None:
     last = plan.steps[-1] if plan.steps else None
     on = last is not None and last.carries and last.goal is not None and plan.world.is_loose(last.goal)
     return last.object if last is not None and on else None
-
-
-def says_top(place: RelationPhrase) -> bool:
-    """Whether a place is "on top" of what is not said."""
-    side = [a.sides for a in place.anchors if a.kind in ("side", "thing") and not (a.noun or a.colors)]
-    return place.value == "top" or (place.name == "on" and side == [("far",)])
 
 
 def different(layer: list[Draft]) -> list[Draft]:

@@ -53,3 +53,18 @@ def test_of_two_answers_the_one_that_is_so_is_told(question, starts):
 
 def test_no_thanks_is_no_correction_where_nothing_was_done():
     assert told("no thanks")
+
+
+@pytest.mark.parametrize(
+    ("turns", "starts"),
+    [
+        ("put blue in the drawer / is it closed now?", "No: the blue drawer is open"),
+        ("is the red cube left of the yellow one? / and the blue one?", "No"),
+        ("are there two things of the same colour?", "Yes"),
+        ("what colours do you have?", "There are the yellow cube, the blue cube and the red cube"),
+        ("touch the red cube and then the blue cube / which one did you touch last?", "The blue cube"),
+        ("open the drawer / what did you put inside?", "Nothing"),
+    ],
+)
+def test_what_is_asked_about_what_was_spoken_of(turns, starts):
+    assert told(turns).startswith(starts)

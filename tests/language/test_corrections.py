@@ -174,3 +174,40 @@ def test_what_is_held_is_not_operated():
     outcome = outcome_of("pick up the red cube / flip it over", room())
     assert isinstance(outcome, Refusal)
     assert not isinstance(outcome_of("take a cube / not red, not blue, not yellow", room()), Plan)
+
+
+@pytest.mark.parametrize(
+    ("turns", "expected"),
+    [
+        ("put all the cubes in a row / the other way round", ["blue", "yellow", "red"]),
+        ("move blue 9 cm to the left / a bit less", ["blue"]),
+        ("where is the blue cube? / where is the red cube? / put the first one on the second", ["blue"]),
+        ("which cubes can I stack? / stack the first two you named", ["blue"]),
+        ("which cube is nearest to the drawer? / put that one in", ["blue"]),
+    ],
+)
+def test_turns_go_on_from_what_was_done_or_told(turns, expected):
+    outcome = outcome_of(turns, room())
+    assert [NAMES[step.object] for step in outcome.steps if step.carries] == expected
+
+
+def test_on_top_is_on_what_was_stacked_before():
+    assert isinstance(outcome_of("stack blue on yellow / put red on top as well", room()), Refusal)
+
+
+def test_up_again_takes_what_was_put_down():
+    assert steps("take the red cube / now down again / up again") == [("lift", "red")]
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "open the drawer. What is in it?",
+        "open the drawer, is there something in it?",
+        "open the drawer and tell me what is in it",
+    ],
+)
+def test_a_question_after_a_command_is_answered_with_the_plan(sentence):
+    outcome = outcome_of(sentence, room())
+    assert [(step.verb, NAMES[step.object]) for step in outcome.steps] == [("open", "drawer")]
+    assert "othing is in" in outcome.notes[-1]
