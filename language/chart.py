@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from language import costs
 from language.lattice import Item, Lattice
 from language.meanings import Entity, Measure, RelationPhrase
+from language.spots import MiddleDistance
 from language.words import ENCLOSING, REGIONS
 
 _OURS = frozenset({"my", "our"})
@@ -406,7 +407,7 @@ class Chart:
     def _between_middles(self, item: Item) -> list[Item]:
         """Return a relation with a length that is measured as the words after it say: "from center to center"."""
         edges = self.lattice.get(item.end + (self.lattice.text(item.end) == ","), "middles")
-        measure = replace(item.value.measure, middles=True)
+        measure = MiddleDistance(item.value.measure.number, item.value.measure.unit)
         return [item._replace(end=edge.end, value=replace(item.value, measure=measure)) for edge in edges]
 
     def _by(self, item: Item) -> list[Item]:
@@ -433,7 +434,7 @@ class Chart:
         for at in leads:
             for length in self.measure(at):
                 tails = [edge.end for edge in self.lattice.get(length.end, "spaced")]
-                plain = at > start or length.value.middles or self.lattice.text(start) == "by"
+                plain = at > start or isinstance(length.value, MiddleDistance) or self.lattice.text(start) == "by"
                 found += [length._replace(end=end) for end in [*tails, *([length.end] if plain else [])]]
         return found
 
@@ -453,7 +454,7 @@ class Chart:
                 cost = number.cost + unit.cost
                 found.append(Item(unit.end, Measure(number.value, unit.value), cost))
                 for middles in self.lattice.get(unit.end, "middles"):
-                    found.append(Item(middles.end, Measure(number.value, unit.value, middles=True), cost))
+                    found.append(Item(middles.end, MiddleDistance(number.value, unit.value), cost))
         return found
 
 

@@ -29,14 +29,10 @@ class Gesture:
 
 @dataclass(eq=False, slots=True)
 class Measure:
-    """A length. unit: "cell", "bit" (a small step), or metres per unit as text.
-
-    middles: whether it is the distance between the middles of two things, not the gap between them.
-    """
+    """A length. unit: "cell", "bit" (a small step), or metres per unit as text."""
 
     number: float
     unit: str
-    middles: bool = False
 
 
 @dataclass(eq=False, slots=True)
@@ -59,8 +55,7 @@ class RelationPhrase:
 class Entity:
     """A phrase for things, stacks, regions of the board or a participant.
 
-    kind: "thing", "stack", a key of `words.REGIONS`, "it", "spot" (what a gesture shows), "list" (all its parts)
-        or "mutual" (each other).
+    kind: "thing", "stack", a key of `words.REGIONS`, "it", "spot" (what a gesture shows) or "list" (all its parts).
     noun: the kind of thing, or None for any.
     colors: each a tuple of the colours that it may mean. sides: words such as "left" and "back".
     superlative: a key of `words.SUPERLATIVES`. ordinal: a rank from 1, or -1 for the last. number: a count.

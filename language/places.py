@@ -18,7 +18,7 @@ from language import costs
 from language.free_spots import GRID, SHARES, clear_of, free_grid, grid
 from language.meanings import Entity, Measure, RelationPhrase
 from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
-from language.spots import Point, Spot, a_name, elsewhere, enclosed, facing, length_of, settle
+from language.spots import MiddleDistance, Point, Spot, a_name, elsewhere, enclosed, facing, length_of, settle
 from language.world import FIXED, Thing, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
@@ -157,7 +157,7 @@ def _in_region(world: WorldModel, mover: int, area: Ref) -> list[Point]:
 
 def _apart(world: WorldModel, width: float, measure: Measure | None) -> float:
     """Return how far apart the middles of two things are, whose mean width is known, for a length that is said."""
-    return length_of(world, measure, 0.0) + width * (measure is not None and not measure.middles)
+    return length_of(world, measure, 0.0) + width * (measure is not None and not isinstance(measure, MiddleDistance))
 
 
 def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Point]:

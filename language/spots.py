@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -15,6 +16,11 @@ NOTED = 0.007  # metres by which a move differs from the length that was said, f
 MIDDLE = 0.125  # of a table's width or depth, from its middle, within which a thing is in neither half
 BRUSHED = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
 Rest = tuple[float, float, int | None]  # x and y where a thing stood, and what it stood on or was in
+
+
+@dataclass(eq=False, slots=True)
+class MiddleDistance(Measure):
+    """A length that is the distance between the middles of two things, not the gap between them."""
 
 
 class Spot(NamedTuple):
