@@ -26,6 +26,7 @@ def steps(outcome):
         ("open the drawer that would be lovely", "open", "drawer"),
         ("someone left the fridge open again", "close", "fridge"),
         ("press the bottom i mean the button", "press", "button"),
+        ("could you make some room here? i want to put my cup there, so just press the button", "press", "button"),
     ],
 )
 def test_an_aside_is_left_out(sentence, verb, thing):

@@ -406,3 +406,19 @@ def test_near_me_is_the_side_of_the_person_whoever_looks():
 def test_what_is_counted_is_known():
     assert "six (6)" in said("how many cubes are there in total?").text
     assert isinstance(said("how many degrees of freedom does this arm have?"), Refusal)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        (
+            "in the end I want to see the fridge shut with the cyan cube inside",
+            "F",
+            ["put_in cyan fridge", "close fridge"],
+        ),
+        ("once everything is done, the drawer is closed with gray in it", "B", ["put_in gray drawer", "close drawer"]),
+        ("hey, could you check the fridge and take out whatever is in there", "I", ["take_out yellow fridge"]),
+    ],
+)
+def test_a_container_and_what_is_in_it_are_wished_in_one_phrase(sentence, state, steps):
+    assert done(sentence, state) == steps
