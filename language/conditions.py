@@ -50,6 +50,9 @@ _IF_SO = re.compile(  # "can you reach it? if so, grab it"
     r"^(?:(?:can|could) you )?(?:please )?([^?.;,]+?)(?: [?.;,])+ if (?:so|yes|you can|that works)"
     r"(?: ,)?(?: then| please)*(?: do (?:so|it|that) and)?(?= )"
 )
+_TELL_IF = re.compile(  # what is told anyway: "close it, then tell me if it is closed"
+    r"(?: ,| and| then| to)+ (?:tell me|let me know|say|check|see|look|find out|show me) (?:if|whether) [^.;]*$"
+)
 _AFTER_ANSWER = re.compile(  # "is anything in it?" - "Yes: ..." - "if so, take it out"
     r"^(?:(?:and|then|so|well|okay) )*"
     r"(?:if (?:so|yes|it is|it does|there is|they are|that is (?:so|right|true))|in that case)"
@@ -283,6 +286,7 @@ class Conditions(Corrections):
         trial, notes = self.copy(), []
         left: tuple[str, ...] = ()
         plain = plain_start(sentence).replace(" 's ", " is ")
+        plain = _TELL_IF.sub("", plain)
         text = trial._without_lead(_IF_SO.sub(r"\1 , then", plain))
         for number in range(MOST):
             found = conditional(text)

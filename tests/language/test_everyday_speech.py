@@ -324,6 +324,8 @@ def test_why_a_thing_cannot_go_so_far_is_the_reach_and_not_the_verb():
         ("please shut the fridge, it is late and we go home now", "F", ["close fridge"]),
         ("put the blue one where the transparent cube is", "A", ["pick_and_place blue target"]),
         ("aight, press the button", "A", ["press button"]),
+        ("close the drawer and then tell me if it is closed", "B", ["close drawer"]),
+        ("give the wheel a little turn, I like to see it move", "A", ["turn wheel"]),
         ("which way does the wheel turn? no, don't tell me, just turn it", "A", ["turn wheel"]),
         ("do this three times: switch the lever", "A", ["switch lever"] * 3),
     ],
