@@ -19,12 +19,14 @@ from language.words import ENCLOSING, REGIONS
 _OURS = frozenset({"my", "our"})
 _PLURAL = frozenset({"tetrahedra", "boxes", "dice", "furniture", "stuff"})
 _MANY = frozenset(["them", "those", "these", "they", "both", "all", "two"])
+_PICKING = frozenset({"superlative", "sides", "ordinal", "number"})  # what says which or how many of several
 _NAMES = "size role single other every both any ordinal last superlative number exposed vacant"
 _MODIFIERS = tuple(_NAMES.split())
 _AREAS = ("corner", "edge", "side", "center")
 _ONLY_PLACES = ("toward", "away", "into", "home", "spot_of")  # these say where a thing goes, not which one it is
 _SPACED = ("left", "right", "front", "behind", "near")  # with how far apart two things are
 MOST_RELATIONS = 3  # of one phrase
+MOST_EXCLUDED = 3  # things that are added to the first one of those that are excluded
 MOST_ATTACHED = 12  # phrases with one more relation that are weighed at one token
 KEPT = 3  # items of the same span
 WORSE = 5.0  # items are left out that cost this much more than the best of their span
@@ -142,6 +144,29 @@ class NounPhrases:
             found.append(_item(draft, at, costs.SUPERLATIVE_ALONE - most, start, kind="thing"))
         elif "superlative" in known:
             found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
+        return found + self._of_several(draft, start)
+
+    def _of_several(self, draft: _Draft, start: int) -> list[Item]:
+        """Return the phrases that say of which things before they select: "the rightmost of the blue cubes"."""
+        text, known = self._lattice.text, draft.known
+        if not self._lattice.table or text(draft.at) not in ("of", "among") or not known.keys() & _PICKING:
+            return []
+        if "sides" in known and not text(draft.at - 1).endswith("most"):
+            return []  # "left of the two" is a place
+        found = []
+        for inner in self.at(draft.at + 1):
+            value = inner.value
+            if value.kind == "list" and not inner.skipped:  # "the nearest of the blue and cyan cubes"
+                among = RelationPhrase("among", (value,), span=value.span)
+                found.append(_item(draft, inner.end, inner.cost, start, kind="thing", relations=(among,)))
+            named = {name: getattr(value, name) for name in ("noun", "colors", "size", "role") if getattr(value, name)}
+            selects = value.every or value.any or value.ordinal or value.superlative or value.other or value.pointed
+            counted = value.plural or (value.number or 1) > 1
+            if value.kind == "thing" and counted and not (selects or inner.skipped or named.keys() & known.keys()):
+                fields = {**known, **named, "plural": (known.get("number") or 1) > 1}
+                sides = (*known.get("sides", ()), *value.sides)
+                item = draft._replace(known={**fields, **({"sides": sides} if sides else {})})
+                found.append(_item(item, inner.end, inner.cost, start, kind="thing"))
         return found
 
     def _thing(self, draft: _Draft, edge: Any, start: int) -> list[Item]:
@@ -234,13 +259,32 @@ class Chart:
         """Return the phrases for things and regions that begin at a token, with every attachment of relations."""
         if start not in self._entities:
             self._entities[start] = []  # a phrase never contains itself
-            complete = [self._judged(item) for item in self._noun_phrases.at(start)]
+            phrases = self._noun_phrases.at(start)
+            phrases += [more for item in phrases for more in self._superlative_after(item)]
+            complete = [self._judged(item) for item in phrases]
             layer = complete
             for _ in range(MOST_RELATIONS):
                 layer = self._best([self._judged(item) for item in self._with_relation(layer, start)])
                 complete = complete + layer
             self._entities[start] = self._best(complete)
         return self._entities[start]
+
+    def _superlative_after(self, item: Item) -> list[Item]:
+        """Return a thing with the superlative that follows it: "the cube furthest left", "the one that is largest"."""
+        known = item.value
+        if not self.lattice.table or known.kind != "thing" or known.superlative or known.sides or known.ordinal:
+            return []
+        found = []
+        for gap in self.lattice.gaps(item.end):
+            for edge in self.lattice.get(gap.end, "superlative") if not gap.cost else ():
+                if not any(word.endswith(("est", "most")) for word in map(self.lattice.text, range(gap.end, edge.end))):
+                    continue  # "the cube far left"
+                if edge.value in ("nearest", "farthest") and self.lattice.get(edge.end, "relation"):
+                    continue  # "the one closest to you"
+                fields = {name: getattr(known, name) for name in _FIELDS} | {"superlative": edge.value}
+                entity = Entity(**fields, span=(known.span[0], edge.end))
+                found.append(Item(edge.end, entity, item.cost + edge.cost, item.skipped))
+        return found
 
     def _with_relation(self, items: list[Item], start: int) -> list[Item]:
         pairs = []
@@ -367,19 +411,34 @@ class Chart:
                 found.append(
                     Item(item.end, RelationPhrase("not", (inner,), span=(start, item.end)), item.cost, item.skipped)
                 )
-            for item in self.entities(edge.end):
-                found.append(
-                    Item(
-                        item.end, RelationPhrase("not", (item.value,), span=(start, item.end)), item.cost, item.skipped
-                    )
-                )
+            for item in self._excluded(edge.end):
+                relation = RelationPhrase("not", (item.value,), span=(start, item.end))
+                found.append(Item(item.end, relation, item.cost, item.skipped))
         return found + self._between(start)
+
+    def _excluded(self, start: int) -> list[Item]:
+        """Return what is excluded: one thing or several, "except the red one and the blue one"."""
+        found = layer = self.entities(start)
+        for _ in range(MOST_EXCLUDED if self.lattice.table else 0):
+            layer = [
+                Item(more.end, _both(item.value, more.value), item.cost + more.cost, item.skipped | more.skipped)
+                for item in layer
+                if item.value.kind in ("thing", "list") and self.lattice.text(item.end) in ("and", "or", "nor", ",")
+                for more in self.entities(item.end + 1 + (self.lattice.text(item.end + 1) in ("and", "or", "nor")))
+                if more.value.kind == "thing"
+            ]
+            layer = self._best(layer)
+            found = found + layer
+        return found
 
     def _between(self, start: int) -> list[Item]:
         found = []
         for edge in self.lattice.get(start, "between"):
             for one in self.entities(edge.end):
-                if one.value.plural or (one.value.number or 0) > 1:
+                if len(one.value.parts) == 2:  # "between the blue and cyan cubes"
+                    relation = RelationPhrase("between", one.value.parts, span=(start, one.end))
+                    found.append(Item(one.end, relation, edge.cost + one.cost - costs.LISTED, one.skipped))
+                elif one.value.plural or (one.value.number or 0) > 1:
                     relation = RelationPhrase("between", (one.value,), span=(start, one.end))
                     found.append(Item(one.end, relation, edge.cost + one.cost, one.skipped))
                 for join in self.lattice.get(one.end, "join"):
@@ -465,6 +524,11 @@ def related(entity: Entity, relation: RelationPhrase, end: int) -> Entity:
     """Return the entity with one more relation."""
     fields = {name: getattr(entity, name) for name in _FIELDS}
     return Entity(**fields, relations=(*entity.relations, relation), span=(entity.span[0], end))
+
+
+def _both(one: Entity, other: Entity) -> Entity:
+    """Return the list of a thing, or of several, and a further one."""
+    return Entity("list", parts=(*(one.parts or (one,)), other), span=(one.span[0], other.span[1]))
 
 
 def odd(relation: RelationPhrase) -> float:

@@ -44,6 +44,7 @@ CLOSE = 0.12  # readings with other outcomes that cost at most this much more le
 
 # Referents.
 SEE_THROUGH = 0.5  # a see-through thing that the words do not call see-through
+FIXED_UNNAMED = 0.3  # "touch red" of a device or a container: rather a cube
 ELEVATED = 0.2  # an anchor "the red block" that stands on another block
 ALL_OF_PLURAL = -0.3  # all things for "the red cubes", rather than one of them
 TOP_OF_STACK = 0.8  # "the cube on the tower" for the tower's own top

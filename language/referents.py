@@ -115,10 +115,11 @@ def _things(world: WorldModel, entity: Entity) -> list[Ref]:
         if entity.role is not None and thing.target != (entity.role == "target"):
             continue
         unsaid = costs.SEE_THROUGH * (thing.target and entity.role is None)
-        cost = 0.0
+        bare = bool(entity.colors) and entity.noun is None and not world.cells
+        cost = costs.FIXED_UNNAMED * (bare and thing.kind in FIXED)
         if entity.single:
             alone = (world.below[index] is None) + (world.above[index] is None)
-            cost = (3.0, 1.5, 0.0)[alone]
+            cost += (3.0, 1.5, 0.0)[alone]
         if entity.exposed and world.above[index] is not None:
             continue
         if entity.size is not None and not _sized(world, thing.width, entity.size):
@@ -372,7 +373,7 @@ def _between(world: WorldModel, ref: Ref, anchors: Sequence[Anchors]) -> float |
 
 
 class Resolver:
-    """Resolves the phrases of a sentence in one world; every phrase once, wherever it stands.
+    """Resolves the phrases of a sentence in one world, each once.
 
     it: the things that "it" and "them" mean. mentioned: the things that "other" excludes.
     origin: the thing whose neighbour "the nearest" is; None: the robot's. first: the world before the sentence.
@@ -483,13 +484,11 @@ class Resolver:
         return relation.name in _LOCATING and bool(kinds & {"side", "center"}) and entity.ordinal is None
 
     def _related(self, refs: list[Ref], relation: RelationPhrase, counted: bool = False) -> list[Ref]:
-        if relation.name == "not":
-            rejected = {i for ref in self.resolve(relation.anchors[0]) for i in ref.things}
-            return [ref for ref in refs if not set(ref.things) & rejected]
-        if relation.name == "among":
+        if relation.name in ("not", "among"):
             parts = relation.anchors[0].parts or relation.anchors
             named = {i for part in parts for ref in self.resolve(part) for i in ref.things}
-            return [ref for ref in refs if set(ref.things) <= named]
+            excluded = relation.name == "not"
+            return [ref for ref in refs if (not named & {*ref.things} if excluded else {*ref.things} <= named)]
         if counted and relation.name == "from" and relation.anchors[0].kind in ("side", "edge"):
             return refs  # "the second from the left" says how to count
         anchors = [self.anchors(anchor) for anchor in relation.anchors]
@@ -568,7 +567,7 @@ class Resolver:
 
     def _superlative(self, name: str, refs: list[Ref], number: int) -> list[Ref]:
         tie = TIE * self.world.pitch
-        if name in ("left", "right"):
+        if name in ("left", "right", "front", "back"):
             return self._toward(refs, (name,), number)
         if name in ("high", "low"):
             return self._toward(refs, ("up" if name == "high" else "down",))

@@ -516,20 +516,19 @@ class _Sentences:
     def _done(self, entity: Item, at: int) -> list[Item]:
         """Return the clauses whose verb follows the object: "the drawer closed", "the cube was put in the drawer"."""
         found: list[Item] = []
-        if entity.value.single:  # "only the drawer open" says that nothing else is
+        asks = {self.lattice.text(i) for i in range(max(at - 1, 0), at + 1)} & _ASKING
+        if entity.value.single or asks:  # "only the drawer open" says that nothing else is
             return found
         for gap in self.lattice.gaps(entity.end):
             for edge in [*self.lattice.get(gap.end, "done"), *self.lattice.get(gap.end, "verb")]:
                 act = KNOWN[edge.value].act
                 both = edge.category == "done" and is_several(entity.value)  # "the two cubes should be stacked"
-                if gap.cost or act in (Act.NEVER, Act.TOUCH, Act.TIDY) or (act in _ON_BOTH and not both):
+                beside = act is Act.TOUCH and edge.category == "verb"  # "the cube touching it"
+                if gap.cost or beside or act in (Act.NEVER, Act.TIDY) or (act in _ON_BOTH and not both):
                     continue
                 cost = entity.cost + edge.cost + costs.PARTICIPLE + (0.0 if edge.category == "done" else 0.3)
-                ends = [
-                    Item(edge.end, None, 0.0),
-                    *(Item(e.end, None, e.cost) for e in self.lattice.get(edge.end, "particle")),
-                ]
-                for end in ends:
+                particles = (Item(e.end, None, e.cost) for e in self.lattice.get(edge.end, "particle"))
+                for end in [Item(edge.end, None, 0.0), *particles]:
                     clause = Clause(edge.value, entity.value, span=(at, end.end))
                     more = 1.0 * (act is Act.CARRY) + end.cost
                     found.append(Item(end.end, clause, cost + more, entity.skipped | gap.skipped))
@@ -567,6 +566,7 @@ class _Sentences:
 
 # only for a device that is named
 _LIGHT = ("do", "doing", "does", "did", "done", "work", "works", "working", "use", "start")
+_ASKING = {"is", "are", "was", "were", "has", "had", "did"}  # before a subject: "was the drawer opened"
 _DEVICES = (*DEVICES, "device")
 _WITH_PARTICLE = ("take", "put", "push", "pull")  # what a particle alone may stand for: "in", "out", "up"
 CARRYING = next(name for name, verb in KNOWN.items() if verb.act is Act.CARRY and "put {" in " ".join(verb.templates))

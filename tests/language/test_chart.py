@@ -1,0 +1,128 @@
+"""Phrases that say which of several things are meant, before and after the noun."""
+
+import pytest
+
+from language import Plan
+from tests.helpers.room_cases import (
+    BLUE,
+    BUTTON,
+    CYAN,
+    DRAWER,
+    FRIDGE,
+    LEVER,
+    ORANGE,
+    RED,
+    WHEEL,
+    YELLOW,
+    asked_steps,
+    larger_room,
+    outcome_of,
+)
+
+
+def done(sentence):
+    outcome = outcome_of(sentence, larger_room())
+    assert isinstance(outcome, Plan), outcome
+    return asked_steps(outcome)
+
+
+def touched(sentence):
+    steps = done(sentence)
+    assert all(verb == "reach" for verb, _ in steps), steps
+    return [thing for _, thing in steps]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "thing"),
+    [
+        ("touch the cube furthest to the right", BLUE),
+        ("touch the block that stands most to the left", RED),
+        ("touch the right-most of the cubes", BLUE),
+        ("touch the nearest of the red and blue cubes", RED),
+        ("touch the block that is furthest to your left", RED),
+        ("touch the cube that lies all the way over on the right", BLUE),
+        ("touch the cube with the smallest distance to the fridge", RED),
+        ("touch the block you are closest to", YELLOW),
+        ("of the cubes on the left touch the one that is closest to the fridge", RED),
+        ("touch the cube between the orange and cyan cubes", YELLOW),
+        ("touch the brick you find between orange and cyan", YELLOW),
+        ("touch the cube that has orange on one side and cyan on the other", YELLOW),
+        ("touch the cube that is flanked by cyan and orange", YELLOW),
+    ],
+)
+def test_which_thing_is_said_after_the_noun(sentence, thing):
+    assert touched(sentence) == [thing]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "things"),
+    [
+        ("touch every cube but red, cyan and orange", {YELLOW, BLUE}),
+        ("touch all the cubes except the blue one and the red one", {YELLOW, ORANGE, CYAN}),
+        ("touch all cubes and leave out the yellow one", {BLUE, RED, ORANGE, CYAN}),
+        ("touch the cubes, just not the yellow one", {BLUE, RED, ORANGE, CYAN}),
+        ("except for yellow and red, touch all the blocks", {BLUE, ORANGE, CYAN}),
+        ("touch each block, the cyan and orange ones excluded", {YELLOW, BLUE, RED}),
+        ("do not touch the red cube but touch all the others", {YELLOW, BLUE, ORANGE, CYAN}),
+    ],
+)
+def test_what_is_excluded_is_not_touched(sentence, things):
+    assert set(touched(sentence)) == things
+
+
+def test_an_exclusion_after_the_place_is_none_of_the_place():
+    moved = {thing for _, thing in done("put all cubes on the left side, only not the blue and the red one")}
+    assert moved == {YELLOW, ORANGE, CYAN}
+
+
+@pytest.mark.parametrize(
+    ("sentence", "things"),
+    [
+        ("touch red", [RED]),
+        ("tap blue first and red second", [BLUE, RED]),
+        ("first the yellow cube, then the cyan one: touch both", [YELLOW, CYAN]),
+        ("touch cyan, and when you have done that, red", [CYAN, RED]),
+        ("each cube should be touched except the cyan one", [YELLOW, BLUE, RED, ORANGE]),
+        ("the lever should be touched", [LEVER]),
+        ("put your fingers on the wheel", [WHEEL]),
+        ("go to the button and leave it unpressed", [BUTTON]),
+        ("touch the wheel, no turning", [WHEEL]),
+    ],
+)
+def test_a_wish_to_touch_is_one(sentence, things):
+    assert touched(sentence) == things
+
+
+@pytest.mark.parametrize("sentence", ["was the red cube touched", "the red cube should not be touched"])
+def test_what_is_asked_or_forbidden_is_not_touched(sentence):
+    assert not isinstance(outcome_of(sentence, larger_room()), Plan)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "steps"),
+    [
+        ("choose between the red and the blue block and lift it", [("lift", RED)]),
+        ("red or blue cube, take one of them", [("lift", RED)]),
+        ("any cube but the yellow one is fine, give me one", [("hand_over", BLUE)]),
+        ("the drawer should be opened, but press the button first", [("press", BUTTON), ("open", DRAWER)]),
+        ("open all containers but not the drawer", [("open", FRIDGE)]),
+    ],
+)
+def test_one_of_two_is_taken(sentence, steps):
+    assert done(sentence) == steps
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "open whatever the yellow cube is in",
+        "open the container that holds the yellow cube",
+        "open up where the yellow cube is inside",
+        "find out what the yellow cube is in and open it",
+        "whichever one contains the yellow cube, open it",
+    ],
+)
+def test_a_container_is_named_by_what_is_in_it(sentence):
+    outcome = outcome_of(f"put the yellow cube in the fridge and close it / {sentence}", larger_room())
+    assert isinstance(outcome, Plan), outcome
+    assert asked_steps(outcome) == [("open", FRIDGE)]
