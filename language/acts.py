@@ -10,10 +10,12 @@ from typing import NamedTuple
 from rapidfuzz.distance import OSA
 
 from language.costs import SPELLING
+from language.embedded import direct
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
 from language.remarks import command, is_chat
 from language.scanning import Token, scan, verb_words
+from language.signalling import plainest
 from language.words import CONTROLS, FILLERS, TABLE, colors, nouns, phrases
 
 MARKS = ".,;:!?"
@@ -44,6 +46,8 @@ _ADVERBS = (
     "totally",
     "literally",
 )
+SIGNALS = ("stop", "wait", "continue", "home", "undo", "again", "faster", "slower")
+MOST_OF_SIGNAL = 16  # words of a signal that is said as a wish
 MOST_MISSPELT = 5  # words of a signal or a reply of which one may be misspelt
 
 
@@ -80,6 +84,7 @@ def _phrases() -> dict[tuple[str, ...], str]:
 def _plain(words: Iterable[str]) -> tuple[str, ...]:
     """Return words without adverbs, and with one name for the place where the arm rests."""
     text = re.sub(r"\btoo (?=(?:fast|quick)\b)", "too-", " ".join(words))
+    text = re.sub(r"\bless (?:quick(?:ly)?|fast)\b", "slower", text)
     text = _A_BIT_BACK.sub("back a bit", text)
     text = _HOME.sub("home position", " ".join(word for word in text.split() if word not in _ADVERBS))
     text = re.sub(r"^(?:but )?(?:you|that) (?:have |did )?\w+ (?:it )?(?:in |on |at )?wrong \w+$", "wrong one", text)
@@ -102,6 +107,14 @@ def _corrected(word: str) -> str:
 
 def act_of(words: Sequence[str]) -> str | None:
     """Return what words do that consist of signals, replies and small talk; None if they say something else."""
+    if (act := _act_of(words)) is not None or len(words) > MOST_OF_SIGNAL:
+        return act
+    said = " ".join(words)
+    act = _act_of(plain.split()) if (plain := plainest(said)) != said else None
+    return act if act in SIGNALS else None
+
+
+def _act_of(words: Sequence[str]) -> str | None:
     known, words = _phrases(), _plain(words[1:] if len(words) > 1 and words[0] == "and" else words)
     words = words if len(words) > MOST_MISSPELT else tuple(map(_corrected, words))
     count = len(words)
@@ -208,6 +221,9 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 
 _OPENING = re.compile(
     r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello|tell me|say|do you know"
+    r"|(?:can|could|would|will) you (?:please )?(?=(?:count|list|name|describe) (?!out\b))"
+    r"|(?:(?:can|could) you (?:please )?)?(?:check|find out|see|show me)(?= (?:what|where|which|who|how many)\b(?!.* and ))"
+    r"|do you happen to know|(?:do you |you )?have (?:you )?(?:any|an) idea|any idea|i am wondering|i was wondering"
     r"|(?:can|could|would|might|may|will) you (?:please )?tell me|i wonder|i want to know|please tell me|tell me please"
     r"|can you say|just"
     r"|do you remember|remind me|i would like to know|explain|let me know|also|,) )+"
@@ -299,6 +315,7 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"(?:you |have you |you have )?got (any\w*|some\w*|an? \w+) ((?:in|on|under) .+)", r"is there \1 \2"),
     (r"who (?:is holding|holds|has|has got) (.+)", r"where is \1"),
     (r"what (an? \w+) (?:is|does)(?: for)?", r"what is \1 for"),
+    (r"what is (?:it|that|this|thing|cube|one) (?:that |which )?you (are|have|hold)\b(.*)", r"what \1 you\2"),
     (r"count(?: up)? (?:how many )?(?!out\b)(.+?)(?: and (?:report|tell|say|give)\b.*)?", r"how many \1"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?colou?rs? of (.+)", r"what colour is \1"),
     (
@@ -361,6 +378,7 @@ WHAT = ("what", "where", "which", "how", "who", "why", "whose")
 
 def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
+    text = direct(text)
     asked = _OPENING.sub("", _VOCATIVE.sub("", text.rstrip(" ?.!")))
     tag = r"(?:(?<=open|shut|full)|(?<=closed)|(?<=empty)| ,) (?:right|correct|yes|no|true)$"
     asked = re.sub(tag, " , is it", asked) if text.endswith("?") else asked

@@ -18,7 +18,9 @@ from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY
 from language.replies import Replies, on_other_side
 from language.revising import TURNED, opposite, partly_back, pinned
-from language.scanning import scan
+from language.scanning import COLOR, THING, scan
+from language.talk import phrase
+from language.words import colors
 
 _SIDED = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
 _SAID = r"i (?:clearly |just |only )?(?:said|meant|mean|told you|asked (?:you )?(?:for|to))(?: to| you to)?"
@@ -43,6 +45,16 @@ _UNDO = re.compile(
     rf"(?: last)? (?P<n>{_N}){_STEPS}|take (?:last )?(?P<n2>{_N}){_STEPS} back)(?: please| again)*"
 )
 NUMBERS = {"both": 2, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
+_CHOSEN = re.compile(  # an answer that is said as a wish: "I'd like the red one", "use the blue one for that"
+    r"(?:(?:yes|okay|well|hm|please|then|so|maybe|,) )*"
+    r"(?P<wish>i (?:(?:would|will|do|really|rather|just|think|guess) )*"
+    r"(?:like|want|prefer|take|choose|pick|need|go (?:for|with)|have|say|wanted|meant|mean)"
+    r"|(?:let us|you can|you may|could you|can you|we (?:can|could|will))"
+    r" (?:take|go (?:with|for)|use|have|try|pick|choose)"
+    r"|take|use|go (?:with|for)|choose|pick|try|make it|let it be) (?P<what>[^,.;]+?)"
+    r"(?P<purpose>(?: for (?:that|it|this))?)(?: ,)?"
+    r"(?: then| please| i (?:think|guess|would say|suppose)| for now| maybe)*"
+)
 _BARE = ("verb", "relation", "direction", "number")  # what is said without the rest of its clause
 
 
@@ -77,6 +89,34 @@ class Corrections(Replies):
         if isinstance(last.outcome, Plan):
             outcome = self.copy()._answer(again, ())
         return replace(outcome, sentence=sentence) if isinstance(outcome, Plan | Question) else None
+
+    def _chosen_by_wish(self, text: str, made: tuple) -> Outcome | None:
+        """Return what comes of an answer that is said as a wish: "I want the red one", where one of some was asked for.
+
+        text: the words of the sentence.
+        """
+        match, asked = _CHOSEN.fullmatch(text), self.open_question()
+        if match is None or asked is None or not asked.candidates or self.last is None:
+            return None
+        tokens, planner = scan(match["what"]), self.planner()
+        entity = phrase(self.now, planner, tokens)[0]
+        if entity is None or entity.span != (0, len(tokens)) or entity.kind != "thing":
+            return None
+        takes = re.search(r"\b(?:take|pick|have)$", match["wish"]) is not None
+        if takes and tokens[-1].text not in ("one", *colors()) and not match["purpose"]:
+            return None  # "take the red cube" may be another command
+        if len(self._meant(planner, entity, asked.candidates)) != 1:
+            return None
+        return self._answer(match["what"], made)
+
+    def _asks_why(self, asked: str, command: str) -> bool:
+        """Whether a question asks why what was refused is not done: "why can't you do that?"."""
+        last = self.turns[-1].outcome if self.turns else None
+        if not asked.startswith("why ") or not isinstance(last, Refusal):
+            return False
+        if not re.search(rf"\b(?:{COLOR}|{THING})\b", command):  # "do that", "put it in there"
+            return True
+        return isinstance(self.copy()._answer(command, ()), Refusal)
 
     def _same_after(self, sentence: str, made: tuple) -> Outcome | None:
         """Return the plan of "put X in the drawer, then do the same with Y": the last part goes on from the first."""

@@ -43,6 +43,7 @@ from language.replies import LITTLE
 from language.revising import aside, further, restoring
 from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.settling import Choices, choices, crowded, settled
+from language.spoken import fluent
 from language.statements import stated
 from language.steps import ON_TABLE
 from language.talk import abilities, foreign, name, offers, phrase, said
@@ -109,7 +110,7 @@ class Dialogue(Conditions):
 
     def _recalling(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
         """Return the outcome of a sentence that may tell things and places by what was said and done before."""
-        text, places = (sentence, ()) if self.control_word(sentence) else self.recalled(sentence)
+        text, places = (sentence, ()) if self.control_word(sentence) else self.recalled(fluent(sentence))
         text = on_sides_of(without_names(text), self.now.viewpoint)
         outcome = self._answer(text, (*made, *places))
         return outcome if text == sentence else replace(outcome, sentence=sentence, unused=(), span=(0, len(sentence)))
@@ -485,7 +486,8 @@ class Dialogue(Conditions):
     def _told(self, sentence: str, asked: str, rest: str, made: tuple[Gesture, ...] = ()) -> Outcome | None:
         """Return the answer to a question, or the outcome of what is said after it."""
         world, span = self.now, (0, len(sentence))
-        if (command := proposal(asked)) is not None:
+        command = proposal(asked)
+        if command is not None and not self._asks_why(asked, command):
             return self._supposed(sentence, command)
         known = Questions(world, self.planner(made), self.turns, self.body)
         if known.pointed:

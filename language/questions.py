@@ -135,8 +135,15 @@ class Questions(Alternatives):
             and not things
         ):
             things = [self.planner.box]
+        if entity is not None and entity.colors and not entity.plural and self._names_no_kind(tokens, entity.span):
+            things = [i for i in things if self.world.is_loose(i)] or things  # "where is the red one?"
         self.things = things
         return entity, things
+
+    def _names_no_kind(self, tokens: list[Token], span: tuple[int, int]) -> bool:
+        """Whether a phrase ends with a colour or with "one"."""
+        last = tokens[span[1] - 1].text if span[1] else ""
+        return last == "one" or re.fullmatch(COLOR, last) is not None
 
     def _says_more(self, tokens: list[Token], span: tuple[int, int]) -> bool:
         """Whether words beside a phrase say something, so that the phrase alone is not what is asked about."""

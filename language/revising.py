@@ -137,8 +137,11 @@ def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:
     """Return the new phrase with the words of the old one that it lacks: noun and colour, noun, or nothing."""
     at = _object_clause(steps)
     old = None if at is None else steps[at].entity
-    if old is None or new.noun is not None or new.kind != "thing" or old.kind != "thing":
+    if old is None or new.kind != "thing" or old.kind != "thing":
         return [new]
+    if new.noun is not None:  # "touch something blue", "the cube"
+        vague = old.noun in (None, "thing") and old.colors and not new.colors and not isinstance(old.pointed, Gesture)
+        return [replace(new, colors=old.colors), new] if vague else [new]
     noun = replace(new, noun=old.noun)
     if new.colors or new.other:
         return [noun, new]

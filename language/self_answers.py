@@ -103,6 +103,8 @@ class SelfAnswers(ABC):
     def did(self, match: re.Match[str]) -> str | None:
         """Say what was done last or first, how often, or whether and where something was put."""
         plans, text = self._plans(), match.string
+        if not plans and self.world.held is not None and re.search(r"\b(?:pick|lift|grab|take|took|got|taken)", text):
+            return holds(self.world)
         asked = _DEED.match(text)
         entity, things = self.refs(asked["what"]) if asked else (None, [])
         if asked and things and entity is not None and (entity.kind == "it" or entity.noun or entity.colors):

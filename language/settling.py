@@ -213,7 +213,7 @@ def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> 
     if not strange:
         return None
     whole = [choice for choice in found.failed if not choice.reading.unused]
-    contradicted = [choice for choice in whole if _shown(choice.plan) or choice.cost < top.cost]
+    contradicted = [c for c in whole if _shown(c.plan) or c.cost < top.cost or _is_so(c)]
     if contradicted:  # "take this cube" of a sphere
         return refused(sentence, found._replace(failed=contradicted), world)
     words = " ".join(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in strange[:3])
@@ -381,7 +381,8 @@ def refused(sentence: str, found: Choices, world: WorldModel) -> Outcome:
     likely = sorted((c for c in found.failed if _telling_cost(c) <= costs.TOO_MUCH), key=_rank)
     if not likely:
         return unreadable(sentence, found.lattice, world)
-    top = likely[0]
+    so = [choice for choice in likely if _is_so(choice) and choice.reading.steps[-1].verb is not None]
+    top = so[0] if so and likely[0].plan.reason in ("where", "what") else likely[0]  # "put X in the drawer" of X in it
     outcome = _reason(sentence, top, found.lattice, world)
     if not isinstance(outcome, Refusal) or top.reading.steps[-1].verb is None:
         return outcome
