@@ -222,7 +222,8 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 _OPENING = re.compile(
     r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello|tell me|say|do you know"
     r"|(?:can|could|would|will) you (?:please )?(?=(?:count|list|name|describe) (?!out\b))"
-    r"|(?:(?:can|could) you (?:please )?)?(?:check|find out|see|show me)(?= (?:what|where|which|who|how many)\b(?!.* and ))"
+    r"|(?:(?:can|could) you (?:please )?)?(?:check|find out|see|show me)"
+    r"(?= (?:what|where|which|who|how many)\b(?!.* and ))"
     r"|do you happen to know|(?:do you |you )?have (?:you )?(?:any|an) idea|any idea|i am wondering|i was wondering"
     r"|(?:can|could|would|might|may|will) you (?:please )?tell me|i wonder|i want to know|please tell me|tell me please"
     r"|can you say|just"
