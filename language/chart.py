@@ -295,6 +295,8 @@ class Chart:
                 bare = relation.value.name == "direction"
                 if (bare and relation.value.value in ("up", "down")) or relation.value.name in _ONLY_PLACES:
                     continue
+                if relation.value.name == "among" and item.value.kind != "thing":
+                    continue  # "the one nearest to you | among these"
                 further = relation.value.name in ("to", "left", "right") and relation.value.anchors[0].kind in _AREAS
                 if further and item.value.kind in _AREAS and self.lattice.table:
                     continue  # "from the right | to the left side"
@@ -529,6 +531,11 @@ def related(entity: Entity, relation: RelationPhrase, end: int) -> Entity:
 def _both(one: Entity, other: Entity) -> Entity:
     """Return the list of a thing, or of several, and a further one."""
     return Entity("list", parts=(*(one.parts or (one,)), other), span=(one.span[0], other.span[1]))
+
+
+def says_where(relation: RelationPhrase) -> bool:
+    """Whether a relation may be the place where something goes."""
+    return relation.name not in ("held", "bare", "not", "with", "of", "among")
 
 
 def odd(relation: RelationPhrase) -> float:

@@ -23,6 +23,7 @@ NEVER = 3.0  # a verb of what no robot here can do
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
 NEAREST_PLACE = 1.5  # "nearest to" as a place; it mostly says which thing
 TOPIC_LEFT = 2.0  # "the cube next to the red one, then the blue one": nothing is said of the first
+TOPIC_TAKEN = 2.0  # "the cube next to the red one, lift it": rather the place says which one, not where it goes
 BARE_DIRECTION = 0.3  # "the cube left"
 BARE_PLACE = 0.3  # "in" for the container that was spoken of, "back" for the former place
 LISTED = 0.5  # "the red cube and the blue one" as one object

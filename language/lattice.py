@@ -197,7 +197,7 @@ class Lattice:
         word = self.tokens[index].text
         if word in _PRONOUNS and index and self.tokens[index - 1].text in _BEFORE_PRONOUN:  # "on top of that"
             after = self.edges[index + 1].keys() if index + 1 < len(self.tokens) else set()
-            return bool({"noun", "color", "size", "side", "number", "superlative"} & after)
+            return bool({"noun", "color", "size", "side", "number", "superlative", "stack"} & after)
         if self.is_relative(index):
             return False
         return word in FILLERS or (index in self.unknown and len(word) > 4 and word.endswith("ly"))

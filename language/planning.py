@@ -221,7 +221,8 @@ class Planner(Several):
         else:
             many = entity.plural or entity.kind == "list" or (entity.number or 1) > 1
             it = tuple(dict.fromkeys(things)) if many else tuple(things[:1])
-            yield replace(plan, topic=clause, it=it, mentioned=it, cost=plan.cost + refs[0].cost)
+            cost = refs[0].cost if last else 0.0  # what is done with it counts how well it fits
+            yield replace(plan, topic=clause, it=it, mentioned=it, cost=plan.cost + cost)
 
     def _same_again(self, plan: Draft, clause: Clause, before: Clause) -> Iterator[Draft]:
         """Yield the plan in which a fragment says more about the object of the clause before, or repeats its verb."""

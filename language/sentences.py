@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 
 from language import costs
 from language.absence import cleared
-from language.chart import Chart, Judge
+from language.chart import Chart, Judge, says_where
 from language.lattice import Item, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase, bound, needs_gesture, pointing_words
 from language.objects import DEVICES
@@ -172,12 +172,15 @@ class _Sentences:
 
     def _elliptic(self, before: Clause, clause: Clause) -> float:
         """Return the cost of a thing with a place after a command: rather what goes there than another object."""
+        topic = before.entity is not None and before.span[0] == before.entity.span[0] and not before.entity.colors
+        taken = clause.act in _GRIPS and clause.entity is not None and clause.entity.kind == "it"
+        if self.lattice.table and topic and before.places and taken:
+            return costs.TOPIC_TAKEN
         if not self.lattice.table or (before.verb is not None and clause.verb is not None):
             return 0.0
         related = clause.verb is None and clause.entity is not None and bool(clause.entity.relations)
         if before.verb is None and before.entity is not None and before.entity.relations:
-            own = clause.entity is not None and clause.entity.kind != "it"
-            return costs.TOPIC_LEFT * own
+            return costs.TOPIC_LEFT * (clause.entity is not None and clause.entity.kind != "it")
         return costs.NO_VERB_BUT_PLACE * (related and before.act is Act.CARRY)
 
     def _joins(self, end: int) -> list[tuple[int, float]]:
@@ -539,7 +542,7 @@ class _Sentences:
     def places(self, start: int) -> list[Item]:
         """Return the places that begin at a token: one relation, or several joined."""
         if start not in self._placed:
-            layer = [_as_place(item) for item in self.chart.relations(start) if _says_where(item.value)]
+            layer = [_as_place(item) for item in self.chart.relations(start) if says_where(item.value)]
             found = layer
             for _ in range(MOST_PLACES - 1):
                 likely = sorted(layer, key=lambda item: item.cost)[:MOST_JOINED]
@@ -556,7 +559,7 @@ class _Sentences:
         for more in sorted(self.chart.relations(at), key=lambda more: more.cost)[:MOST_JOINED]:
             kinds = {place.name + str(place.value) * (place.name == "direction") for place in item.value}
             if (
-                _says_where(more.value)
+                says_where(more.value)
                 and more.value.name + str(more.value.value) * (more.value.name == "direction") not in kinds
             ):
                 total = item.cost + cost + more.cost
@@ -568,6 +571,7 @@ class _Sentences:
 _LIGHT = ("do", "doing", "does", "did", "done", "work", "works", "working", "use", "start")
 _ASKING = {"is", "are", "was", "were", "has", "had", "did"}  # before a subject: "was the drawer opened"
 _DEVICES = (*DEVICES, "device")
+_GRIPS = (Act.TAKE, Act.HOLD, Act.GIVE, Act.TOUCH)
 _WITH_PARTICLE = ("take", "put", "push", "pull")  # what a particle alone may stand for: "in", "out", "up"
 CARRYING = next(name for name, verb in KNOWN.items() if verb.act is Act.CARRY and "put {" in " ".join(verb.templates))
 BUILDING = next(name for name, verb in KNOWN.items() if verb.act is Act.BUILD)
@@ -581,10 +585,6 @@ def is_several(entity: Entity) -> bool:
 def _as_place(item: Item) -> Item:
     far = item.value.name in ("nearest", "farthest")
     return item._replace(value=(item.value,), cost=item.cost + costs.NEAREST_PLACE * far)
-
-
-def _says_where(relation: RelationPhrase) -> bool:
-    return relation.name not in ("held", "bare", "not", "with", "of")
 
 
 _Costed = TypeVar("_Costed", Item, _Joined)

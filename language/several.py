@@ -233,6 +233,8 @@ class Several(Movers):
         world, every = plan.world, (entity.every or together) and len(plan.it) < 2
         named = [i for i in (range(len(world.things)) if every else plan.it) if allows(world, act, i)]
         named = [i for i in named if not (every and world.things[i].target)]
+        if every and act is Act.TOUCH:  # of everything, what lies about
+            named = [i for i in named if world.is_loose(i)]
         if len(named) < 2 and act not in BOXES and not plan.steps:
             recent = [i for i in self.recent if allows(world, act, i)]
             moved = [i for i in self.carried if i in self.rests] if home else []

@@ -126,3 +126,39 @@ def test_a_container_is_named_by_what_is_in_it(sentence):
     outcome = outcome_of(f"put the yellow cube in the fridge and close it / {sentence}", larger_room())
     assert isinstance(outcome, Plan), outcome
     assert asked_steps(outcome) == [("open", FRIDGE)]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "things"),
+    [
+        ("the block between orange and cyan, touch it", [YELLOW]),
+        ("rightmost cube: touch", [BLUE]),
+        ("of the yellow and blue cubes touch the one closest to you", [YELLOW]),
+        ("don't miss any block, touch them all", [YELLOW, BLUE, RED, ORANGE, CYAN]),
+        ("touch the cubes, every one of them", [YELLOW, BLUE, RED, ORANGE, CYAN]),
+        ("touch them all", [YELLOW, BLUE, RED, ORANGE, CYAN]),
+        ("touch all the cubes but not, not the cyan one", [YELLOW, BLUE, RED, ORANGE]),
+        ("touch the closest block to the drawer", [BLUE]),
+    ],
+)
+def test_what_is_named_first_or_twice_is_touched_once(sentence, things):
+    assert touched(sentence) == things
+
+
+@pytest.mark.parametrize(
+    ("sentence", "thing"),
+    [
+        ("give me one of the cubes other than the yellow or the orange one", BLUE),
+        ("hand me a cube, not the yellow or the orange one", BLUE),
+        ("hand me a block, no orange, no yellow", BLUE),
+        ("give me some cube, anything but yellow and orange", BLUE),
+    ],
+)
+def test_any_but_some_is_another_one(sentence, thing):
+    assert done(sentence) == [("hand_over", thing)]
+
+
+def test_one_of_some_cubes_beside_the_outermost_one_is_a_cube():
+    step = outcome_of("take the cube furthest right and put it beside the leftmost one").steps[-1]
+    assert step.object == BLUE
+    assert step.place is not None
