@@ -14,7 +14,7 @@ from language.embedded import direct
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
 from language.remarks import command, is_chat
-from language.scanning import Token, scan, verb_words
+from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.signalling import plainest
 from language.words import CONTROLS, FILLERS, TABLE, colors, nouns, phrases
 
@@ -47,6 +47,7 @@ _ADVERBS = (
     "literally",
 )
 SIGNALS = ("stop", "wait", "continue", "home", "undo", "again", "faster", "slower")
+BITS = frozenset(("bit", "little", "tad", "touch", "notch", "smidge", "slightly", "further"))
 MOST_OF_SIGNAL = 16  # words of a signal that is said as a wish
 MOST_MISSPELT = 5  # words of a signal or a reply of which one may be misspelt
 
@@ -127,7 +128,7 @@ def _act_of(words: Sequence[str]) -> str | None:
                 best[at] = rest[0] + 1, (act, *rest[1])
     acts = [act for act in (best[0] or (0, ()))[1] if act != "polite"]
     told = {"said", "meant", "mean"} & {*words} or words[-2:-1] == ("no",)
-    if words[-1:] == ("right",) and told:  # "I said right" tells a side
+    if words[-1:] == ("right",) and (told or BITS & {*words}):  # "I said right", "a bit right" tell a side
         return None
     strong = [act for act in acts if act not in ("social", "sorry", "yes", "no")]
     if "no" in acts and strong == ["again"]:
@@ -221,7 +222,7 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 
 _OPENING = re.compile(
     r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello|tell me|say|do you know"
-    r"|(?:can|could|would|will) you (?:please )?(?=(?:count|list|name|describe) (?!out\b))"
+    r"|(?:can|could|would|will) you(?: please)?(?= (?:count|list|name|describe) (?!out\b))"
     r"|(?:(?:can|could) you (?:please )?)?(?:check|find out|see|show me)"
     r"(?= (?:what|where|which|who|how many)\b(?!.* and ))"
     r"|do you happen to know|(?:do you |you )?have (?:you )?(?:any|an) idea|any idea|i am wondering|i was wondering"
@@ -268,6 +269,7 @@ _ASKING = re.compile(
 )
 _REQUESTING = re.compile(
     r"does not|let go of |(?:give|hand|put|drop|place|pass|bring|set|lay|leave|stack|store|release|return|open|close) "
+    rf"|why not (?:both|all|either|them|it|that|this|{COLOR}|{THING})\b"
     r"|(?:are|is) you able to|will you (?!still)|could you (?!see|hear|help|.* if i (?:ask|told|tell|want))"
 )
 
@@ -299,7 +301,7 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"where (?:it is|they are) (.+)", r"where is \1"),
     (r"how much ((?:cubes|blocks|things|objects|pieces)\b.*)", r"how many \1"),
     (r"(how many \w+) there (?:is|are) (.+)", r"\1 are there \2"),
-    (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?(.+?){_TAGGED}", r"\2 \1 \3"),
+    (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?([^,]+?){_TAGGED}", r"\2 \1 \3"),
     (r"(is|are|was|were|does|did|has) not (.+)", r"\1 \2"),
     (
         r"((?:apart from|aside from|except(?: for)?|besides|other than|not counting) .+?)(?: ,)?"
@@ -415,8 +417,10 @@ CONDITION = re.compile(
 SAME = re.compile(
     r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|equivalent|that|it|repeat)"
     r"(?: thing| again| once more| distance| amount| move| movement| shift| displacement)*(?: ,)?(?: but)? "
-    r"(?:with|for|to|using|goes for)|(?:and )?(?:once )?(?:again|more) (?:but )?(?:with|for)"
-    r"|how about|what about|also) | (?:as well|too|also|likewise|(?:in )?same way)$"
+    r"(?:with|for|to|using|goes for)|(?:do |repeat )?(?:exactly )?same(?: thing| again| once more)*(?: [,:]| but)+"
+    r"|(?:and )?(?:once )?(?:again|more) (?:but )?(?:with|for)"
+    r"|how about|what about|also) | (?:as well|too|also|likewise|(?:in )?same way"
+    r"|(?:, )?(?:and )?(?:do )?(?:exactly )?same(?: thing| again| once more| direction| (?:with|for) it)*)$"
 )
 _PROPOSED = re.compile(
     r"^why (?:can|could|will|would|do|did) (?:not you|you not) (?P<not>.+)$"

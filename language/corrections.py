@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from language.acts import Part, question
 from language.lattice import Lattice
 from language.meanings import Clause, Measure, Reading, RelationPhrase
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
@@ -25,7 +26,10 @@ from language.words import colors
 _SIDED = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
 _SAID = r"i (?:clearly |just |only )?(?:said|meant|mean|told you|asked (?:you )?(?:for|to))(?: to| you to)?"
 _LEAD = rf"(?:(?:no|hey|wait|hang on|hold on|oops|sorry|well|but|actually|stop|,|please|{_SAID}) )*"
-_NEW, _OLD = r"(?P<new>(?!not\b)\w+(?: (?!not\b)\w+){0,3}?)", r"(?P<old>\w+(?: \w+){0,3}?)"
+_NEW, _OLD = (
+    r"(?P<new>(?!(?:not|do|does|did|can|could|is|are|am|was)\b)\w+(?: (?!not\b)\w+){0,3}?)",
+    r"(?P<old>\w+(?: \w+){0,3}?)",
+)
 _REST = r"(?: [.,;](?: and)? (?P<rest>[\w ]+?)(?: i mean)?)?$"
 _CONTRASTS = (
     re.compile(rf"^{_LEAD}{_NEW} (?:, |and |but )?(?:not|instead of|rather than) {_OLD}(?: of course)?{_REST}"),
@@ -54,6 +58,11 @@ _CHOSEN = re.compile(  # an answer that is said as a wish: "I'd like the red one
     r"|take|use|go (?:with|for)|choose|pick|try|make it|let it be) (?P<what>[^,.;]+?)"
     r"(?P<purpose>(?: for (?:that|it|this))?)(?: ,)?"
     r"(?: then| please| i (?:think|guess|would say|suppose)| for now| maybe)*"
+)
+_UNSEEN = re.compile(
+    r"(?:(?:sorry|but|oh|,) )*(?:i|we) (?:can not|could not|do not|did not)(?: really| even| quite)?"
+    r" (?:find|see|spot|locate|notice|catch|watch|make out|follow)(?: (?P<what>.+?))?"
+    r"(?: anywhere| any more| properly| here)?"
 )
 _BARE = ("verb", "relation", "direction", "number")  # what is said without the rest of its clause
 
@@ -117,6 +126,15 @@ class Corrections(Replies):
         if not re.search(rf"\b(?:{COLOR}|{THING})\b", command):  # "do that", "put it in there"
             return True
         return isinstance(self.copy()._answer(command, ()), Refusal)
+
+    def _looked_for(self, words: str, later: Sequence[Part]) -> tuple[str, bool]:
+        """Return what was not seen, before a question, and whether that says no more: "I can't find X, where is it"."""
+        unseen = _UNSEEN.fullmatch(words)
+        if unseen is None or not later or not question(" ".join(later[0].words)):
+            return words, False
+        what = unseen["what"] or "it"
+        named = re.search(rf"\b(?:{COLOR}|{THING})\b", what) is not None
+        return (what if named else words), re.fullmatch(r"it|that|this|them|well|much", what) is not None
 
     def _same_after(self, sentence: str, made: tuple) -> Outcome | None:
         """Return the plan of "put X in the drawer, then do the same with Y": the last part goes on from the first."""

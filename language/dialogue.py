@@ -255,7 +255,9 @@ class Dialogue(Conditions):
         if match is None:
             return words, False
         first = text[: match.start()].count(" ") + (match.start() > 0)
-        return [t for t in (*words[:first], *words[first + len(match[0].split()) :]) if t.text != "but"], True
+        return [
+            t for t in (*words[:first], *words[first + len(match[0].split()) :]) if t.text not in ("but", "only")
+        ], True
 
     def _is_reply(self, reply: Reading, found: Choices) -> bool:
         """Whether a sentence answers or corrects what went before, rather than asks for something of its own."""
@@ -418,8 +420,9 @@ class Dialogue(Conditions):
             if asked is None and at == 0 and self.open_question() is None and (again := self._asked_again(rest)):
                 asked = again
             if asked is None:
+                rest, looks = self._looked_for(rest, parts[at + 1 :])
                 label = part.mark == ":" and at + 1 < len(parts) and not command_word().match(rest)
-                known = part.act is not None or label or self._is_topic(rest, parts[at + 1 :])
+                known = part.act is not None or looks or label or self._is_topic(rest, parts[at + 1 :])
                 if not known and not (
                     parts[-1].mark == "?" and question(" ".join(parts[-1].words)) and asks_nothing(rest)
                 ):

@@ -16,6 +16,12 @@ _OPENING = re.compile(
     rf"^(?:(?:and|so|but|well|hey|okay|robot|please|then|now|just|also|,) )*{_TELLS}(?: please| again)?(?: ,)? "
     r"(?=(?:if|whether|what|where|which|who|how|why)\b)"
 )
+_UNKNOWN = re.compile(  # "I can't see what you hold, what is it"
+    r"^(?:(?:sorry|but|oh|well|,) )*i (?:(?:can|could) not (?:see|tell|remember|make out)"
+    r"|(?:do|did) not (?:know|see|remember|hear|catch|understand)) "
+    r"(?P<asked>(?:what|where|who|how|why) (?!to\b)[^,]+?)"
+    r"(?: , (?:what|where|who) (?:is|was|are|were) (?:it|that|they))?$"
+)
 _ONE = r"(?!.*(?: , | and | then | or else ))"  # no command follows
 _BE = r"(?:is|are|was|were|am)"
 _AUX = rf"(?:{_BE}|can|could|would|will|have|had|did)"
@@ -42,19 +48,43 @@ _FORMS = (  # as they are asked directly
         r"\g<wh> \g<be> \g<what>",
     ),
 )
-_STATE = re.compile(  # "drawer open?"
-    r"^((?:\w+ )?(?:drawer|fridge|refrigerator|freezer|button|lever|wheel|gripper)) "
-    r"((?:still |already |now )?(?:open|opened|closed|shut|empty|full|pressed|free))(?: now| yet| already)? \?$"
+_NAMED = (
+    r"(?:(?:\w+ )?(?:drawer|fridge|refrigerator|freezer|button|lever|wheel|gripper|hand|cube|block|one)|it|that|this)"
+)
+_STATE = r"(?:open|opened|closed|shut|empty|full|pressed|free)"
+_STANDS = r"(?:standing|sitting|lying|located|placed|positioned|to be found|exactly|right now|at the moment|at moment)"
+_PLAINER = tuple(  # "drawer open?", "whereabouts is it", "where does it stand"
+    (re.compile(rf"^{pattern}(?P<end> ?[?.!]*)$"), rf"{plain}\g<end>")
+    for pattern, plain in (
+        (
+            rf"(?P<what>{_NAMED}) (?P<so>(?:still |already |now )?{_STATE})(?: now| yet| already)?(?= ?\?)",
+            r"is \g<what> \g<so>",
+        ),
+        (rf"(?P<what>{_NAMED}) 's (?P<so>{_STATE}\b.*?)", r"\g<what> is \g<so>"),
+        (r"whereabouts (?P<rest>.+?)", r"where \g<rest>"),
+        (r"where (?:does|do|did) (?P<what>.+?) (?:stand|sit|lie|rest|stay)(?: now| right now)?", r"where is \g<what>"),
+        (rf"where (?P<be>is|are) (?P<what>.+?)(?: {_STANDS})+", r"where \g<be> \g<what>"),
+        (r"(?:which|what) (?:place|position|spot) (?:is|are) (?P<what>.+?) (?:at|in|on)", r"where is \g<what>"),
+        (r"what (?:is|was) your (?:last|latest|previous|most recent) (?:move|step|action|deed)", "what did you do"),
+    )
 )
 
 
 def direct(text: str) -> str:
     """Return plain words that ask for the answer to a question as that question; other words as they are."""
     opening, end = _OPENING.match(text), text.rstrip(" ?.!")
-    if opening is None:
-        return _STATE.sub(r"is \1 \2 ?", re.sub(r"(?<=\w)\?$", " ?", text))
-    asked = end[opening.end() :]
+    unknown = _UNKNOWN.match(end)
+    if opening is None and unknown is None:
+        return _plainer(text)
+    asked = _plainer(unknown["asked"] if unknown else end[opening.end() if opening else 0 :])
     for pattern, plain in _FORMS:
         if re.fullmatch(pattern, asked):
             return re.sub(rf"^{pattern}$", plain, asked)
+    return asked if unknown else text
+
+
+def _plainer(text: str) -> str:
+    """Return a question in plainer words."""
+    for pattern, plain in _PLAINER:
+        text = pattern.sub(plain, text)
     return text

@@ -112,6 +112,8 @@ class Movers(Steps):
         ):  # "open the fridge, give me the cube"
             inside = [ref for ref in usable if world.inside.get(ref.things[-1]) == plan.box]
             usable = inside if len(inside) == 1 else usable
+        if len(usable) > 1 and act is Act.REMOVE:  # "take the other one out"
+            usable = [ref for ref in usable if world.inside.get(ref.things[-1]) in world.containers] or usable
         if len(usable) > 1 and not entity.other and world.held is None:
             loose = [ref for ref in usable if ref.things[-1] not in world.inside]
             usable = loose if loose and entity.any else usable

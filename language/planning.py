@@ -54,7 +54,9 @@ class Planner(Several):
             else:
                 steps = reading.otherwise or (Clause(doing(Act.CARRY), negated=True, span=reading.condition.span),)
         steps = tuple(only_verb(clause, self.world.only) for clause in steps) if self.world.only else steps
-        found = self._sequence(_without_stops(steps) * reading.times, last=True, arbitrary=reading.arbitrary)
+        found = self._sequence(
+            _without_stops(_back_once(steps)) * reading.times, last=True, arbitrary=reading.arbitrary
+        )
         if len(steps) > 1 and all("is full" in each.failure for each in found):
             found = self._made_room(steps, reading.arbitrary) or found
         forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
@@ -285,6 +287,17 @@ def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:
         last = replace(plan.steps[-1], instruction=clause.instruction, several=clause.several)
         plan = replace(plan, steps=(*plan.steps[:-1], last))
     return replace(plan, last=clause)
+
+
+def _back_once(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
+    """Return the clauses without one that says again that it goes back: "it belongs where it was, so put it back"."""
+
+    def back(clause: Clause) -> bool:
+        names = {place.name for place in clause.places}
+        return "home" in names and names <= {"home", "here"} and not clause.negated
+
+    twice = [at for at, (one, other) in enumerate(pairwise(steps), 1) if back(one) and back(other)]
+    return tuple(step for at, step in enumerate(steps) if at not in twice or (step.entity and step.entity.kind != "it"))
 
 
 def _without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:

@@ -1,4 +1,4 @@
-"""What only speech has: a speaker who begins a sentence again, "is the, is the drawer open"."""
+"""What conversations have: a speaker who begins again, "is the, is the drawer open", or praises, "good, but ..."."""
 
 from __future__ import annotations
 
@@ -10,10 +10,17 @@ _BEGUN = re.compile(
     r"(?P<begun>[\w']+(?:\s+[\w']+){0,3})\s*(?:,|\.\.+|\u2026|-|\u2013|\u2014)+\s*(?=(?P=begun)\s+\w)",
     re.IGNORECASE,
 )
+_PRAISE = re.compile(
+    r"^\s*(?:(?:that(?:'s| is)|it(?:'s| is)|looks|very|really|pretty|quite)\s+)*"
+    r"(?:good|nice|great|fine|okay|ok|close|almost|nearly|not bad|better|perfect|lovely|well done)\s*,?\s+but\s+"
+    r"(?!not\b|no\b|do\s?n.?t\b)",
+    re.IGNORECASE,
+)
 
 
 def fluent(sentence: str) -> str:
-    """Return a sentence without the words with which its speaker began a part of it before."""
+    """Return a sentence without praise before "but", and without what its speaker begins again."""
+    sentence = _PRAISE.sub("", sentence)
     for _ in range(3):
         shorter = _BEGUN.sub(lambda match: match["before"], sentence)
         if shorter == sentence:

@@ -15,7 +15,7 @@ from tests.helpers.room_cases import BLUE, RED, larger_room, outcome_of, room
         ("do you know what you just did", "what did you do"),
         ("tell me why you can not do that", "why can you not do that"),
         ("any idea what the drawer contains", "what is in the drawer"),
-        ("drawer closed?", "is drawer closed ?"),
+        ("drawer closed?", "is drawer closed?"),
     ],
 )
 def test_a_question_within_another_is_asked_directly(sentence, asked):
