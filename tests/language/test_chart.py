@@ -48,6 +48,10 @@ def touched(sentence):
         ("touch the brick you find between orange and cyan", YELLOW),
         ("touch the cube that has orange on one side and cyan on the other", YELLOW),
         ("touch the cube that is flanked by cyan and orange", YELLOW),
+        ("touch the block with the orange and the cyan one as neighbours", YELLOW),
+        ("between the orange and cyan cubes there's a cube, touch it", YELLOW),
+        ("touch the cube that is more to the right than all the others", BLUE),
+        ("touch the cube the drawer is closest to", BLUE),
     ],
 )
 def test_which_thing_is_said_after_the_noun(sentence, thing):
@@ -64,6 +68,8 @@ def test_which_thing_is_said_after_the_noun(sentence, thing):
         ("except for yellow and red, touch all the blocks", {BLUE, ORANGE, CYAN}),
         ("touch each block, the cyan and orange ones excluded", {YELLOW, BLUE, RED}),
         ("do not touch the red cube but touch all the others", {YELLOW, BLUE, ORANGE, CYAN}),
+        ("leave the cyan cube alone and touch all the other cubes", {YELLOW, BLUE, RED, ORANGE}),
+        ("touch any two of the blocks which are not yellow and not blue", {RED, ORANGE}),
     ],
 )
 def test_what_is_excluded_is_not_touched(sentence, things):
@@ -103,6 +109,8 @@ def test_what_is_asked_or_forbidden_is_not_touched(sentence):
     [
         ("choose between the red and the blue block and lift it", [("lift", RED)]),
         ("red or blue cube, take one of them", [("lift", RED)]),
+        ("take the red cube, or the blue one, whichever is easier", [("lift", RED)]),
+        ("open the fridge or the drawer, either will do", [("open", FRIDGE)]),
         ("any cube but the yellow one is fine, give me one", [("hand_over", BLUE)]),
         ("the drawer should be opened, but press the button first", [("press", BUTTON), ("open", DRAWER)]),
         ("open all containers but not the drawer", [("open", FRIDGE)]),
@@ -120,6 +128,7 @@ def test_one_of_two_is_taken(sentence, steps):
         "open up where the yellow cube is inside",
         "find out what the yellow cube is in and open it",
         "whichever one contains the yellow cube, open it",
+        "open the drawer or the fridge, whichever has the yellow cube in it",
     ],
 )
 def test_a_container_is_named_by_what_is_in_it(sentence):
