@@ -47,6 +47,10 @@ _ADVERBS = (
     "literally",
 )
 SIGNALS = ("stop", "wait", "continue", "home", "undo", "again", "faster", "slower")
+_NEGATED = re.compile(
+    r"(?:(?:please|no|but|and|oh|you|just) )*(?:need not|do not (?:have|need) to|no need to"
+    r"|do not|never(?! mind)|must not|should not|shall not)(?: (?:ever|please|you dare))? (?P<rest>.+)"
+)
 BITS = frozenset(("bit", "little", "tad", "touch", "notch", "smidge", "slightly", "further"))
 MOST_OF_SIGNAL = 16  # words of a signal that is said as a wish
 MOST_MISSPELT = 5  # words of a signal or a reply of which one may be misspelt
@@ -108,9 +112,14 @@ def _corrected(word: str) -> str:
 
 def act_of(words: Sequence[str]) -> str | None:
     """Return what words do that consist of signals, replies and small talk; None if they say something else."""
+    said = " ".join(words)
+    if (negated := _NEGATED.match(said)) and _plain(words) not in _phrases():  # "do not go home", "don't stop"
+        act = act_of(negated["rest"].split())
+        if act in SIGNALS:
+            return "continue" if act in ("stop", "wait", "continue") else "social"
+        return None if (act := _act_of(words)) in SIGNALS and act != "stop" else act
     if (act := _act_of(words)) is not None or len(words) > MOST_OF_SIGNAL:
         return act
-    said = " ".join(words)
     act = _act_of(plain.split()) if (plain := plainest(said)) != said else None
     return act if act in SIGNALS else None
 
@@ -252,7 +261,7 @@ _ASKING = re.compile(
     rf"|{_AT_ONCE.pattern}"
     r"|^(?:do|did) (?:you|i|we|they)\b|^(?:can|could|may|should) (?:i|one) (?!have\b|get\b|please\b)"
     r"|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
-    r"|^(?:would|does|will|could|can) (?!you\b|we\b|i\b)(?!.*\bplease\b).*\b(?:fit|go|work)\b"
+    r"|^(?:would|does|will|could|can|should) (?!you\b|we\b|i\b)(?!.*(?:\bplease\b|,)).*\b(?:fit|go|work)\b"
     r"|^(?:can|could|will|would) you (?:please )?help(?: me| us)?(?: out)?(?: here| please| a bit)*$"
     r"|^(?:can|could|does|will) (?!you\b|we\b|i\b|.*\bplease\b).*\b(?:hold|take|store|contain)"
     r" (?:two|three|both|more|several|many|all|another)\b"
@@ -429,7 +438,9 @@ _PROPOSED = re.compile(
     r"| asked you to| ask you to| tell you to| would| will| were to)? ?(?P<command>.+)$"
     r"|^how (?:do|can|would|should|must) (?:i|we|one) (?:say|tell you|ask you|get you|make you)(?: that you"
     r" (?:should|must|shall)| that| to)? (?P<asked>.+)$"
-    r"|^(?:can|could|may|should) (?:i|one) (?P<mine>(?:put|stack|place|move|fit|store|use|open|close|press|turn)\b.+)$"
+    r"|^(?:can|could|may|should) (?:i|one) (?P<mine>(?:put|stack|place|move|fit|store|use|open|close|press|turn|push"
+    r"|lift|touch|remove|shut|switch|swap|empty|unstack|take(?= .*\b(?:out|off|away|back)\b))\b.+)$"
+    rf"|^should (?:i|one) (?P<ought>(?:{verb_words()})\b.+)$"
     r"|^(?:can|could|would|does|do|will|may|should) (?P<what>(?!you\b|i\b|we\b).+?) "
     r"(?:fit|fits|go|stand|lie|be put|be|sit)(?: back)? (?P<where>(?:in|on|into|inside|next|to|onto|at|under|behind"
     r"|between|left|right|near|over)\b.*?)(?: ,.*)?$"
@@ -446,6 +457,7 @@ def proposal(asked: str) -> str | None:
         or match["told"]
         or match["not"]
         or match["mine"]
+        or match["ought"]
         or match["asked"]
         or f"put {match['what']} {match['where']}"
     )

@@ -188,7 +188,7 @@ class Conditions(Corrections):
         """Return what comes of a sentence that only goes on from the turns before. text: its words."""
         found = self._restored(sentence, text) or self._raised(sentence, text) or self._nearer(sentence, text)
         found = found or self._unheld(sentence, text) or self._first(sentence, text, made)
-        found = found or self._chosen_by_wish(text, made)
+        found = found or self._chosen_by_wish(text, made) or self._across_it(sentence, text)
         found = found or self._contrasted(sentence) or self._same_after(sentence, made)
         return found or self._of_those(sentence, made)
 

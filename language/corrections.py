@@ -59,6 +59,11 @@ _CHOSEN = re.compile(  # an answer that is said as a wish: "I'd like the red one
     r"(?P<purpose>(?: for (?:that|it|this))?)(?: ,)?"
     r"(?: then| please| i (?:think|guess|would say|suppose)| for now| maybe)*"
 )
+_OTHER_SIDE = re.compile(  # of what it was put next to
+    r"(?:(?:no|but|rather|please|actually|and|now|sorry|i (?:meant|want|wanted)|,) )*"
+    r"(?:(?:put|move|place|set|take|bring|shift|have) (?:it|that|that one|this) )?(?:back |over )*(?:on|to|at|onto)"
+    r" (?:its )?(?:other|opposite) side(?: of (?:it|that|that one))?(?: instead| please| rather| then| now)*"
+)
 _UNSEEN = re.compile(
     r"(?:(?:sorry|but|oh|,) )*(?:i|we) (?:can not|could not|do not|did not)(?: really| even| quite)?"
     r" (?:find|see|spot|locate|notice|catch|watch|make out|follow)(?: (?P<what>.+?))?"
@@ -126,6 +131,13 @@ class Corrections(Replies):
         if not re.search(rf"\b(?:{COLOR}|{THING})\b", command):  # "do that", "put it in there"
             return True
         return isinstance(self.copy()._answer(command, ()), Refusal)
+
+    def _across_it(self, sentence: str, text: str) -> Outcome | None:
+        """Return what comes of "put it on the other side" after a thing was put on one side of another one.
+
+        text: the words of the sentence.
+        """
+        return self._turned_round(sentence) if _OTHER_SIDE.fullmatch(text) else None
 
     def _looked_for(self, words: str, later: Sequence[Part]) -> tuple[str, bool]:
         """Return what was not seen, before a question, and whether that says no more: "I can't find X, where is it"."""

@@ -534,7 +534,8 @@ class Dialogue(Conditions):
         about = tried.about
         if isinstance(tried, Plan):
             about = tuple(dict.fromkeys(i for step in tried.steps for i in (step.object, step.goal) if i is not None))
-            full = [box for box in about if box in self.now.containers and self.now.contents(box)]
+            goals = {step.goal for step in tried.steps if step.carries}
+            full = [box for box in self.now.containers if box in goals and self.now.contents(box)]
             can = "" if sentence.lower().startswith("what") else "yes, that can be done: "
             text = f"{can}I would {said(self.now, tried.steps)}. Say 'do it' if you want that"
             if full:

@@ -275,6 +275,9 @@ class Questions(Alternatives):
         under = re.match(r"(?:under|below|beneath|underneath) (.*)", plain)
         if under and (upper := self.subject(under[1])):
             return Predicate(lambda i: any(world.below[j] == i for j in upper), "under")
+        if outside := re.match(r"(?:out of|outside(?: of)?) (.*)", plain):
+            boxes = self.subject(outside[1]) or []
+            return Predicate(lambda i: world.inside.get(i) not in boxes if world.is_loose(i) else None, "place")
         entity, found = self.refs(f"thing {plain}")
         if (
             entity is None

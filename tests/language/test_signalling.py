@@ -40,3 +40,13 @@ def test_a_signal_may_be_a_wish(act: str, sentences: list[str]) -> None:
 )
 def test_what_is_to_be_done_with_a_thing_is_no_signal(sentence: str) -> None:
     assert act_of([t.text for t in scan(sentence) if t.text.isalnum()]) is None
+
+
+@pytest.mark.parametrize("sentence", ["don't stop", "no need to stop", "you don't have to wait"])
+def test_a_stop_that_is_not_to_be_made_goes_on(sentence: str) -> None:
+    assert act_of([t.text for t in scan(sentence) if t.text.isalnum()]) == "continue"
+
+
+@pytest.mark.parametrize("sentence", ["don't go home", "do not undo that", "never do that again", "don't go faster"])
+def test_a_signal_that_is_denied_asks_for_nothing(sentence: str) -> None:
+    assert act_of([t.text for t in scan(sentence) if t.text.isalnum()]) == "social"
