@@ -261,7 +261,7 @@ _ASKING = re.compile(
     rf"|{_AT_ONCE.pattern}"
     r"|^(?:do|did) (?:you|i|we|they)\b|^(?:can|could|may|should) (?:i|one) (?!have\b|get\b|please\b)"
     r"|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
-    r"|^(?:would|does|will|could|can|should) (?!you\b|we\b|i\b)(?!.*(?:\bplease\b|,)).*\b(?:fit|go|work)\b"
+    r"|^(?:would|does|will|could|can|should(?!.*,)) (?!you\b|we\b|i\b)(?!.*\bplease\b).*\b(?:fit|go|work)\b"
     r"|^(?:can|could|will|would) you (?:please )?help(?: me| us)?(?: out)?(?: here| please| a bit)*$"
     r"|^(?:can|could|does|will) (?!you\b|we\b|i\b|.*\bplease\b).*\b(?:hold|take|store|contain)"
     r" (?:two|three|both|more|several|many|all|another)\b"

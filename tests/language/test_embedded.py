@@ -66,3 +66,13 @@ def test_what_is_in_the_drawer_is_in_it_already():
     outcome = outcome_of("put the red cube in the drawer", room(inside={RED: 3}, open={3}))
     assert isinstance(outcome, Refusal)
     assert outcome.reason == "already"
+
+
+@pytest.mark.parametrize(
+    "asked",
+    ["should I take it out again?", "should it go in the fridge?", "could it go in the fridge, would that work?"],
+)
+def test_what_might_be_done_is_asked_and_not_done(asked):
+    outcome = outcome_of(f"open the drawer / put the red cube in the drawer / {asked}")
+    assert isinstance(outcome, Answer)
+    assert "do it" in outcome.text
