@@ -420,7 +420,8 @@ class Chart:
 
     def _excluded(self, start: int) -> list[Item]:
         """Return what is excluded: one thing or several, "except the red one and the blue one"."""
-        found = layer = self.entities(start)
+        some = self.lattice.table  # "all but two" leaves open which
+        found = layer = [i for i in self.entities(start) if not (some and (i.value.number or 1) > 1)]
         for _ in range(MOST_EXCLUDED if self.lattice.table else 0):
             layer = [
                 Item(more.end, _both(item.value, more.value), item.cost + more.cost, item.skipped | more.skipped)
