@@ -113,6 +113,7 @@ def _undoubled(found: list[Token]) -> list[Token]:
             if (
                 one == two
                 and one[0].isalpha()
+                and not any(word in ".;!?" for word in one[1:-1])  # "it in the drawer. shut the drawer. shut ..."
                 and "very" not in one
                 and not (size == 1 and one[0] in ("no", "stop", "chop"))
             ):

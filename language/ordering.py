@@ -29,7 +29,7 @@ _SUBJECTS = frozenset(["you", "we", "having", "robot", "arm"])
 _PERFECT = frozenset(
     ["have", "has", "had", "are", "did", "finished", "done", "with", "just", "already", "finally", "also", "been"]
 )
-_IS = frozenset(["is", "are", "was", "were", "has", "have", "been", "being", "gets", "got"])
+_IS = frozenset(["is", "are", "was", "were", "has", "have", "been", "being", "gets", "got", "goes"])
 _DEGREES = frozenset(["all", "fully", "properly", "safely", "again", "finally", "completely", "now"])
 _PLACES = frozenset(["in", "inside", "into", "on", "onto", "near", "next", "behind", "under"])
 _LEFT_OUT = frozenset([",", "and", "but", "only", "then", "just"])  # beside a clause of time
@@ -106,7 +106,7 @@ def _done(found: Sequence[Token]) -> tuple[list[Token], int] | None:
     """Return the command whose result a clause tells, "drawer is closed", and how many words the clause has."""
     words = [token.text for token in found]
     copula = next((i for i, word in enumerate(words[:_LONGEST]) if word in _IS), 0)
-    if not copula or set(words[:copula]) & (_MARKS | _SUBJECTS):
+    if not copula or set(words[:copula]) & (_MARKS | _SUBJECTS) or words[0] == "that":  # "after that red goes on"
         return None
     at = copula
     while at < len(words) and words[at] in _IS | _DEGREES:
