@@ -516,7 +516,9 @@ class Dialogue(Conditions):
             return Answer(sentence, 1.0, (), span, about=about, text=told)
         if re.match(r"(?:did|do|are|have|were|can|will|is|was) (?:you|it|that|this|weather)\b", asked):
             return Answer(sentence, 1.0, text=f"I am a robot arm, and do what I can. {abilities(world)}")
-        if re.match(r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did) ", asked):
+        unknown = r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did) "
+        where = r"where (?:is|are|does|did) (?!.*\b(?:put|move|bring|take|stack|pick|give|drop|set|lay|get)\b)"
+        if re.match(unknown, asked) or (re.match(where, asked) and self.open_question() is None):
             return self._unknown(sentence, asked.split())
         return None
 
