@@ -253,7 +253,7 @@ _AT_ONCE = re.compile(
 )
 _OR_IS = re.compile(r"^(?:can|could) you .* or (?:is|are) (?:it|they|there|something|anything)\b")
 _ASKING = re.compile(
-    r"^(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|did|will|do|can)\b))\b(?! (?:about|if)\b)"
+    r"^(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|was|were|did|will|do|can)\b))\b(?! (?:about|if)\b)"
     r"|^(?:is|are|was|were|does|did|has|am) |^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
     r"|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep|dream|fit)\b"
     r"|^(?:do|can) (?:you|we) have\b"

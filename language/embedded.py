@@ -16,6 +16,11 @@ _OPENING = re.compile(
     rf"^(?:(?:and|so|but|well|hey|okay|robot|please|then|now|just|also|,) )*{_TELLS}(?: please| again)?(?: ,)? "
     r"(?=(?:if|whether|what|where|which|who|how|why)\b)"
 )
+_UNSURE = re.compile(  # "I keep forgetting which cube is in the drawer"
+    r"^(?:(?:sorry|but|oh|well|,) )*i (?:(?:really|just|still|always) )*(?:(?:keep |have )?forg(?:et|ot|etting|otten)"
+    r"|(?:am|was) (?:not sure|unsure|curious)|have no idea|ask myself|(?:do|can) not (?:know|remember|recall|tell))"
+    r" (?=(?:if|whether|what|where|which|who|how)\b(?! to\b))"
+)
 _UNKNOWN = re.compile(  # "I can't see what you hold, what is it"
     r"^(?:(?:sorry|but|oh|well|,) )*i (?:(?:can|could) not (?:see|tell|remember|make out)"
     r"|(?:do|did) not (?:know|see|remember|hear|catch|understand)) "
@@ -72,15 +77,15 @@ _PLAINER = tuple(  # "drawer open?", "whereabouts is it", "where does it stand"
 
 def direct(text: str) -> str:
     """Return plain words that ask for the answer to a question as that question; other words as they are."""
-    opening, end = _OPENING.match(text), text.rstrip(" ?.!")
-    unknown = _UNKNOWN.match(end)
+    end = text.rstrip(" ?.!")
+    opening, unknown = _OPENING.match(text) or _UNSURE.match(end), _UNKNOWN.match(end)
     if opening is None and unknown is None:
         return _plainer(text)
     asked = _plainer(unknown["asked"] if unknown else end[opening.end() if opening else 0 :])
     for pattern, plain in _FORMS:
         if re.fullmatch(pattern, asked):
             return re.sub(rf"^{pattern}$", plain, asked)
-    return asked if unknown else text
+    return text if opening and opening.re is _OPENING else asked
 
 
 def _plainer(text: str) -> str:

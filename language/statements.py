@@ -59,6 +59,14 @@ _NOT_EVENT = re.compile(
     r"\b(?:wanted|needed|forgot|left|should|must|have to|has to|need|said|asked|instead|please|not what|not where"
     r"|wrong|next time|i meant|where i|back|over again)\b"
 )
+_REPORT = re.compile(  # "I have already pressed the button", "my brother opened the drawer yesterday"
+    rf"^(?:(?:i|we|he|she|they|someone|somebody|nobody|(?:my|our|your|a) \w+) {_VERY}"
+    rf"(?:(?:have|has|had|'ve|'d) )?{_VERY}"
+    r"(?:dropped|knocked|tipped|grabbed|picked|moved|pushed|pulled|opened|closed|pressed|turned|touched|placed|stacked"
+    r"|switched|flipped|built|filled|emptied|checked|lifted|lost)"
+    rf"|you {_VERY}(?:have |had )?{_VERY}(?:nearly |almost )(?:dropped|knocked|tipped|hit|broke)"
+    r")\b(?! me\b)"
+)
 _TAG = re.compile(r"^(?:is|are|was|were|did|do|does|have|has|right|or)(?: not)?(?: (?:it|you|that|i|this|they|not))*$")
 
 
@@ -105,6 +113,8 @@ def _kind(part: Part) -> str:
     text = _BUSY.sub(r"\1", _LEADS.sub("", text))
     if _EVENT.match(text) and not _NOT_EVENT.search(text):
         return "event"
+    if part.mark != "?" and _REPORT.match(text) and not _NOT_EVENT.search(text.replace("before you", "")):
+        return "opinion"
     return "opinion" if part.mark != "?" and _OPINION.match(text) and not _asking().search(text) else ""
 
 
