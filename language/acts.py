@@ -405,7 +405,8 @@ def question(text: str) -> str | None:
         return None
     plain = plain_start(asked)
     named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"
-    named += r"|what(?:ever)? (?:is|stands|lies|sits)\b.* (?:belongs|goes|should|must|needs|has to|ought)\b"
+    named += r"|what(?:ever)? (?:is|stands|lies|sits|you (?:have|hold|are))\b"
+    named += r".* (?:belongs|goes|should|must|needs|has to|ought)\b"
     named += r"|what(?:ever)? \w+ (?:holds|contains|hides) .*\b(?:on|in|to)\b"
     requests = plain != asked and re.match(rf"(?:{verb_words()}|let go)\b", plain) and not _PROPOSED.match(asked)
     requests = requests and not any(each.match(asked) for each in (ABLE, _AT_ONCE, _OR_IS))

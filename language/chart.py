@@ -547,6 +547,8 @@ def odd(relation: RelationPhrase) -> float:
         return costs.ODD_PREPOSITION
     if relation.name == "of" and thing:
         return 2 * costs.ODD_PREPOSITION
+    if relation.name == "from" and kind == "robot":  # rather "away"
+        return costs.ODD_PREPOSITION
     if kind == "list" and relation.name != "among":
         return costs.TOO_MUCH if relation.name in ("on", "over") else 4 * costs.ODD_PREPOSITION
     if relation.name in ("left", "right") and kind == "side":  # "in the lower right to ..."

@@ -27,6 +27,7 @@ TOPIC_TAKEN = 2.0  # "the cube next to the red one, lift it": rather the place s
 BARE_DIRECTION = 0.3  # "the cube left"
 BARE_PLACE = 0.3  # "in" for the container that was spoken of, "back" for the former place
 LISTED = 0.5  # "the red cube and the blue one" as one object
+PLACED_LIST = 0.7  # "the cube on the red one and the blue one | on the gray one": rather two commands
 PARTICIPLE = 0.9  # "the drawer closed" as a command
 FAR_SIDE = 0.4  # "far left" as two sides
 ANOTHER_KIND = 0.3  # "put the cube on the blue one": more likely a cube, too

@@ -257,7 +257,8 @@ class _Wish(NamedTuple):
 
 def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
     world = resolver.world
-    relations = tuple(facing(world, each, len(relations) < 2) for each in relations)
+    moves = sum(each.name != "direction" for each in relations) < 2  # "away from you and to the left"
+    relations = tuple(facing(world, each, moves) for each in relations)
     back = any(each.name == "home" for each in relations)  # "back where it was" has one direction
     directions = tuple(each for each in relations if each.name == "direction" and not back)
     others = [each for each in relations if each.name != "direction"]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
 
 from language import costs
 from language.absence import cleared
 from language.chart import Chart, Judge, says_where
+from language.cheapest import Joined, cheapest
 from language.lattice import Item, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase, bound, needs_gesture, pointing_words
 from language.objects import DEVICES
@@ -66,15 +66,6 @@ def _with_gestures(found: list[Reading], made: Sequence[Gesture], judge: Judge |
         cost += sum(judge(phrase) for phrase in phrases if phrase is not None) if judge else 0.0
         changed.append(replace(shown, cost=cost))
     return sorted(changed, key=lambda reading: reading.cost)
-
-
-class _Joined(NamedTuple):
-    """A sequence of clauses and a further one, before they are joined: few of those that are weighed ever are."""
-
-    end: int
-    item: Item
-    cost: float
-    clause: Item
 
 
 class _Sentences:
@@ -160,10 +151,10 @@ class _Sentences:
                     for clause in self.clauses(at):
                         total = item.cost + cost + clause.cost + self._elliptic(item.value[-1], clause.value)
                         if total <= MOST_COST:
-                            longer.append(_Joined(clause.end, item, total, clause))
+                            longer.append(Joined(clause.end, item, total, clause))
             layer = [
                 Item(end, (*item.value, clause.value), total, item.skipped | clause.skipped)
-                for end, item, total, clause in _cheapest(longer, KEPT_CLAUSES)
+                for end, item, total, clause in cheapest(longer, KEPT_CLAUSES)
             ]
             found = found + layer
             if not layer:
@@ -209,9 +200,9 @@ class _Sentences:
             found: list[Item] = []
             for gap in self._openings(start):
                 items = self._clause(gap.end)
-                items = _cheapest(items + [more for each in items for more in self._ordered(each)], KEPT_CLAUSES)
+                items = cheapest(items + [more for each in items for more in self._ordered(each)], KEPT_CLAUSES)
                 found += [Item(i.end, i.value, gap.cost + i.cost, gap.skipped | i.skipped) for i in items]
-            self._clauses[start] = _cheapest(found, KEPT_CLAUSES)
+            self._clauses[start] = cheapest(found, KEPT_CLAUSES)
         return self._clauses[start]
 
     def _openings(self, start: int) -> list[Item]:
@@ -271,7 +262,7 @@ class _Sentences:
                 if not (self.lattice.table and item.value.kind == "robot" and self.lattice.text(item.end - 1) == "you")
             ]
             for _ in range(MOST_LISTED if lists else 0):
-                layer = _cheapest([more for item in layer for more in self._listed(item)], 3)
+                layer = cheapest([more for item in layer for more in self._listed(item)], 3)
                 found = found + layer
                 if not layer:
                     break
@@ -283,6 +274,8 @@ class _Sentences:
         at, first = item.end, item.value
         if first.kind not in ("thing", "list"):
             return []
+        if self.lattice.table and first.relations and self.lattice.text(at + 1) == "then":
+            return []  # "put X next to Y and then Z next to W"
         for words in ((",", "and"), ("and",), (",",), ("as", "well", "as"), ("plus",), ("or",)):
             if tuple(self.lattice.text(at + i) for i in range(len(words))) == words:
                 parts = first.parts if first.kind == "list" else (first,)
@@ -444,6 +437,7 @@ class _Sentences:
                 + cost
                 + place.cost
                 + costs.TAKEN_SOMEWHERE * (taking and place.value[0].name != "away")
+                + costs.PLACED_LIST * _placed_in_part(entity.value)
                 + which
                 + 1.0 * (given and not any(anchor.kind == "person" for anchor in place.value[0].anchors))
                 + away * (place.value[0].name == "from"),
@@ -456,12 +450,15 @@ class _Sentences:
         found = []
         for entity in self.objects(at):
             clause = Clause(None, entity.value, span=(at, entity.end))
-            found.append(Item(entity.end, clause, entity.cost + costs.NO_VERB, entity.skipped))
+            cost = entity.cost + costs.NO_VERB + costs.PLACED_LIST * _placed_in_part(entity.value)
+            found.append(Item(entity.end, clause, cost, entity.skipped))
             for place in self.places(entity.end):
                 clause = Clause(CARRYING, entity.value, place.value, span=(at, place.end))
                 it = entity.value
                 vague = it.kind == "thing" and not (it.noun or it.colors or it.other or it.superlative or it.sides)
-                cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE + costs.VAGUE * (vague and self.lattice.table)
+                vague = vague and self.lattice.table and not self._obliged(entity.end, place.value[0].span[0])
+                cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE + costs.VAGUE * vague
+                cost += costs.PLACED_LIST * _placed_in_part(it)
                 found.append(Item(place.end, clause, cost, entity.skipped | place.skipped))
             if self.lattice.table:
                 found += self._done(entity, at) + self._with_particle(entity, at)
@@ -479,6 +476,10 @@ class _Sentences:
                 for i in self._tower(at)
             ]
         return found
+
+    def _obliged(self, start: int, end: int) -> bool:
+        """Return whether some words say that a thing has to go where the words after them say."""
+        return any(self.lattice.text(at) in _OBLIGED for at in range(start, end))
 
     def _place_first(self, place: Item, at: int) -> list[Item]:
         """Return the clauses after their place: "in the drawer: the gray one", "between the two set the red cube"."""
@@ -546,9 +547,9 @@ class _Sentences:
             found = layer
             for _ in range(MOST_PLACES - 1):
                 likely = sorted(layer, key=lambda item: item.cost)[:MOST_JOINED]
-                layer = _cheapest([more for item in likely for more in self._joined(item)], 6)
+                layer = cheapest([more for item in likely for more in self._joined(item)], 6)
                 found = found + layer
-            self._placed[start] = _cheapest(found, 12)
+            self._placed[start] = cheapest(found, 12)
         return self._placed[start]
 
     def _joined(self, item: Item) -> list[Item]:
@@ -570,6 +571,7 @@ class _Sentences:
 # only for a device that is named
 _LIGHT = ("do", "doing", "does", "did", "done", "work", "works", "working", "use", "start")
 _ASKING = {"is", "are", "was", "were", "has", "had", "did"}  # before a subject: "was the drawer opened"
+_OBLIGED = frozenset({"should", "must", "shall", "goes", "belongs", "ought", "needs", "has"})
 _DEVICES = (*DEVICES, "device")
 _GRIPS = (Act.TAKE, Act.HOLD, Act.GIVE, Act.TOUCH)
 _WITH_PARTICLE = ("take", "put", "push", "pull")  # what a particle alone may stand for: "in", "out", "up"
@@ -582,19 +584,11 @@ def is_several(entity: Entity) -> bool:
     return entity.kind == "list" or entity.every or entity.plural or (entity.number or 1) > 1
 
 
+def _placed_in_part(entity: Entity) -> bool:
+    """Return whether another than the last thing of a list has a place, as if each had one: "X on Y, Z on W"."""
+    return entity.kind == "list" and any(part.relations for part in entity.parts[:-1])
+
+
 def _as_place(item: Item) -> Item:
     far = item.value.name in ("nearest", "farthest")
     return item._replace(value=(item.value,), cost=item.cost + costs.NEAREST_PLACE * far)
-
-
-_Costed = TypeVar("_Costed", Item, _Joined)
-
-
-def _cheapest(items: list[_Costed], kept: int) -> list[_Costed]:
-    """Return the cheapest items of each span."""
-    spans: dict[int, list[_Costed]] = {}
-    for item in sorted(items, key=lambda item: item.cost):
-        same = spans.setdefault(item.end, [])
-        if len(same) < kept:
-            same.append(item)
-    return [item for same in spans.values() for item in same]
