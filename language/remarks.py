@@ -75,7 +75,7 @@ _IS_SO = re.compile(  # "the red cube is dusty | put it in the drawer"
     r"(?= (?:please )?(?:put|move|take|give|bring|open|close|shut|get) (?:it|them)\b)"
 )
 _STATES = re.compile(  # what a circumstance does not say
-    rf"{_OBLIGED}|\b(?:next to|left of|right of|on top|closer|nearer|further|farther|away|neighbou?r|touch"
+    rf"{_OBLIGED}|\b(?:next to|left of|right of|on top|closer|near|nearer|beside|further|farther|away|neighbou?r|touch"
     r"|behind|between|inside|pressed|open(?:ed)?|shut|in front)\b"
     rf"|\byou {_DOES}\b|\bwhile you\b"
 )

@@ -39,7 +39,7 @@ _AFTER = (
 )
 _REGION = re.compile(
     rf"\b(?P<beside>(?:up )?(?:along|against|by|beside|next to) )?(?P<table>{_TABLE} (?:'s )?)?(?P<before>{_BEFORE})"
-    rf"(?P<inner>{_TABLE} (?:'s )?)?(?P<head>corner|edge|border|rim)"
+    rf"(?P<inner>{_TABLE} (?:'s )?)?(?P<head>corner|edge|border|rim|end)"
     rf"(?P<of>(?: of| on) {_TABLE})?(?P<after>{_AFTER})(?P<last>(?: of| on) {_TABLE})?(?!\w)"
 )
 _CENTER = re.compile(rf"\b{_TABLE} 's (?:very |exact )?(center|centre|middle)\b")
@@ -140,7 +140,9 @@ def _region(match: re.Match[str]) -> str | None:
     said = f"{match['before'] or ''} {match['after'] or ''}"
     sides = list(dict.fromkeys(str(each.lastgroup) for each in _ONE_SIDE.finditer(said)))
     across, along = [each for each in sides if each in _ACROSS], [each for each in sides if each not in _ACROSS]
-    corner = match["head"] == "corner"
+    corner = match["head"] == "corner" or (match["head"] == "end" and len(sides) == 2)  # "far end on left"
+    if match["head"] == "end" and not (corner and (match["of"] or match["last"] or match["table"] or match["inner"])):
+        return None  # of something else, or a side as it is
     if match["after"] and match.string[: match.start()].endswith("from "):  # "away from edge, towards you"
         return None
     if not sides or len(across) > 1 or len(along) > 1 or (len(sides) > 1 and not corner):

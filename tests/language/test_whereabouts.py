@@ -41,6 +41,7 @@ def words(sentence):
         ("put it in the left corner, the near one", "put it in near left corner of table"),
         ("put it in the table's near right corner", "put it in near right corner of table"),
         ("put it by the table edge on your side", "put it at near edge of table"),
+        ("put it at the far end of the table, on the left", "put it at far left corner of table"),
         ("put it along the right edge", "put it at right edge of table"),
         ("push it inwards, towards you and also to the right", "push it towards you and to right"),
         ("push it both left and further away from you", "push it away from you and to left"),
@@ -63,6 +64,7 @@ def test_places_are_said_in_one_order(sentence, plain):
         "put it in front of the red cube, away from you",
         "put it beside the red cube on the left side of the table",
         "move the left cube away from you",
+        "put it at the left end of the table",
         "drag it from the edge, towards you",
     ],
 )
@@ -75,6 +77,9 @@ def test_what_says_another_place_stays(sentence):
     [
         ("the red cube is too far from the blue cube, bring it nearer", "move the red cube towards the blue cube"),
         ("green is too close to red. shift it away a bit", "move the green cube a bit away from the red cube"),
+        ("the red cube is too far away from the blue one", "move the red cube towards the blue cube"),
+        ("nudge red so it's a bit closer to you", "move the red cube a bit towards you"),
+        ("make the distance between red and blue smaller", "move the red cube towards the blue cube"),
         ("I'd like the red one closer to the blue cube", "move the red cube closer to the blue cube"),
         ("I want the blue cube more to the left", "move the blue cube to the left"),
         ("I need the green cube at the table's right edge", "put the green cube at the right edge of the table"),
