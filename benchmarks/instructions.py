@@ -17,7 +17,6 @@ from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
-from benchmarks.helpful_refusals import helps
 from benchmarks.instruction_scoring import CLASSES, judge, verb_of
 from core.safe_files import read_yaml
 from language import Answer, Dialogue, Object, Outcome, Plan, Question, Refusal, Scene, Signal, Step, WorldModel, table
@@ -235,9 +234,7 @@ def main() -> int:
                 )
             answers.append(answer)
             kind, met, note = (
-                judge(item, answer, scene, helps)
-                if answer["outcome"] != "exception"
-                else ("wrong", False, answer["text"])
+                judge(item, answer, scene) if answer["outcome"] != "exception" else ("wrong", False, answer["text"])
             )
             for key in (str(item.get(args.by)), "total"):
                 counts[key].update({"n": 1, "met": int(met), kind: 1})
