@@ -94,6 +94,11 @@ Of {number} sentences that the grammar was developed on, {met:.0%} are as expect
 refused without help (`{command}`).
 The weakest of {kinds} kinds ([all](instructions.json)): {weakest}.
 """
+WAYS = """\
+Of {ways} other ways of saying {groups} things, {same:.0%} do what the plain sentence does, and {other} something else
+(`{command}`; the rest is asked about or refused). A third of the ways of three files, {unread}, was kept unread while the
+others were mended: {before:.0%} of it did the same before, {after:.0%} afterwards.
+"""
 TREEBANK = """\
 ### Commands of strangers for a board
 
@@ -170,6 +175,7 @@ def _figures() -> Iterator[str]:
         rows = [(each["set"], str(each["n"]), *_shares(each)) for each in measured["fresh"]]
         yield _table(("sentences", "number", "as expected", "wrong", "refused without help"), rows)
         yield _developed(measured)
+        yield _ways(measured["ways"])
     yield TREEBANK
     rows = []
     for name, figures in json.loads(FIGURES.read_text("utf-8")).items():
@@ -196,6 +202,21 @@ def _developed(measured: dict[str, Any]) -> str:
         command=measured["command"],
         kinds=len(kinds),
         weakest=", ".join(f"{name} {share:.0%}" for share, name in weakest),
+    )
+
+
+def _ways(counts: dict[str, Any]) -> str:
+    """How many other ways of saying a thing do what the plain sentence does."""
+    unread = counts["unread"]
+    return WAYS.format(
+        ways=counts["ways"],
+        groups=counts["groups"],
+        same=counts["same"] / counts["ways"],
+        other=counts["other plan"],
+        command=counts["command"],
+        unread=unread["ways"],
+        before=unread["before"] / unread["ways"],
+        after=unread["after"] / unread["ways"],
     )
 
 
