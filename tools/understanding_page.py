@@ -96,8 +96,8 @@ The weakest of {kinds} kinds ([all](instructions.json)): {weakest}.
 """
 WAYS = """\
 Of {ways} other ways of saying {groups} things, {same:.0%} do what the plain sentence does, and {other} something else
-(`{command}`; the rest is asked about or refused). A third of the ways of three files, {unread}, was kept unread while the
-others were mended: {before:.0%} of it did the same before, {after:.0%} afterwards.
+(`{command}`; the rest is asked about or refused). A third of the ways of three files, {unread}, was kept unread while
+the others were mended: {before:.0%} of it did the same before, {after:.0%} afterwards.
 """
 TREEBANK = """\
 ### Commands of strangers for a board
