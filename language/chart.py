@@ -149,8 +149,11 @@ class NounPhrases:
     def _of_several(self, draft: _Draft, start: int) -> list[Item]:
         """Return the phrases that say of which things before they select: "the rightmost of the blue cubes"."""
         text, known = self._lattice.text, draft.known
-        if not self._lattice.table or text(draft.at) not in ("of", "among") or not known.keys() & _PICKING:
+        picks = known.keys() & _PICKING
+        if not self._lattice.table or text(draft.at) not in ("of", "among") or not picks:
             return []
+        if picks == {"number"} and known["number"] == 1:
+            return []  # "one of the cubes" is any of them
         if "sides" in known and not text(draft.at - 1).endswith("most"):
             return []  # "left of the two" is a place
         found = []
@@ -281,6 +284,8 @@ class Chart:
                     continue  # "the cube far left"
                 if edge.value in ("nearest", "farthest") and self.lattice.get(edge.end, "relation"):
                     continue  # "the one closest to you"
+                if self.lattice.get(edge.end, "noun") or self.lattice.text(edge.end) == "one":
+                    continue  # "is the red cube the leftmost one"
                 fields = {name: getattr(known, name) for name in _FIELDS} | {"superlative": edge.value}
                 entity = Entity(**fields, span=(known.span[0], edge.end))
                 found.append(Item(edge.end, entity, item.cost + edge.cost, item.skipped))
