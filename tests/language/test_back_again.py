@@ -95,7 +95,7 @@ def test_a_bit_right_is_a_side(said):
 
 def test_one_of_two_may_be_both():
     outcome = outcome_of("open one of the containers / why not both", larger_room())
-    assert {step.object for step in outcome.steps} == {DRAWER, FRIDGE}
+    assert outcome.result.open >= {DRAWER, FRIDGE}
 
 
 @pytest.mark.parametrize("asked", ["I can't find the red cube, where is it", "I don't know where the red one is"])
