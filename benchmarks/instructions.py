@@ -200,9 +200,9 @@ def _steps(steps: tuple[Step, ...], ids: list[str]) -> list[dict[str, Any]]:
     ]
 
 
-def sets_of(path: Path) -> list[Path]:
+def sets_of(path: Path, ending: str = ".jsonl") -> list[Path]:
     """Returns the sets of a file or folder."""
-    return [path] if path.is_file() else sorted(path.glob("*.jsonl"))
+    return [path] if path.is_file() else sorted(path.glob(f"*{ending}"))
 
 
 def main() -> int:

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.instruction_scoring import merged, shown, verb_of
-from benchmarks.instructions import as_answer, read_scene, room_world
+from benchmarks.instructions import as_answer, read_scene, room_world, sets_of
 from language import Dialogue, Outcome, Plan
 
 FOLDER = Path(__file__).parent
@@ -101,7 +101,7 @@ def main() -> int:
     parser.add_argument("--errors", action="store_true", help="list the ways that do something else")
     parser.add_argument("--json", action="store_true", help="print the counts as JSON on the last line")
     args = parser.parse_args()
-    files = [args.data] if args.data.is_file() else sorted(args.data.glob("*.txt"))
+    files = sets_of(args.data, ".txt")
     if not files:
         print(f"error: --data {args.data}: no such file, and no folder with *.txt", file=sys.stderr)
         return 2

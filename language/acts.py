@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rapidfuzz.distance import OSA
 
 from language.costs import SPELLING
-from language.embedded import direct
+from language.embedded import TELLING, direct
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
 from language.remarks import command, is_chat
@@ -230,14 +230,13 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 # ---- Questions
 
 _OPENING = re.compile(
-    r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello|tell me|say|do you know"
+    r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
+    rf"|{TELLING}|(?:do you |you )?have (?:you )?(?:any|an) idea|please tell me|tell me please|can you say"
+    r"|(?:can|could|would|might|may|will) you (?:please )?tell me"
     r"|(?:can|could|would|will) you(?: please)?(?= (?:count|list|name|describe) (?!out\b))"
     r"|(?:(?:can|could) you (?:please )?)?(?:check|find out|see|show me)"
     r"(?= (?:what|where|which|who|how many)\b(?!.* and ))"
-    r"|do you happen to know|(?:do you |you )?have (?:you )?(?:any|an) idea|any idea|i am wondering|i was wondering"
-    r"|(?:can|could|would|might|may|will) you (?:please )?tell me|i wonder|i want to know|please tell me|tell me please"
-    r"|can you say|just"
-    r"|do you remember|remind me|i would like to know|explain|let me know|also|,) )+"
+    r"|just|also|,) )+"
 )
 ABLE = re.compile(  # about things in general
     r"^(?:can|could|are) you (?:\w+ ){1,3}"

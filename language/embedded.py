@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 
+TELLING = (  # what comes before a question that is asked within another sentence
+    r"tell me|say|do you know|do you happen to know|any idea|i wonder|i am wondering|i was wondering|i want to know"
+    r"|i would like to know|let me know|do you remember|remind me|explain"
+)
 _TELLS = (
-    r"(?:tell me|say|do you know|do you happen to know|do you have (?:any|an) idea|have you any idea|any idea"
-    r"|i wonder|i am wondering|i was wondering|i want to know|i would like to know|i need to know|let me know"
-    r"|do you remember|remind me|explain|report"
+    rf"(?:{TELLING}|do you have (?:any|an) idea|have you any idea|i need to know|report"
     r"|(?:can|could|would|will|might|may) you (?:please )?"
     r"(?:tell me|say|check|see|find out|remind me|let me know|explain)"
     r"|(?:please )?(?:check|find out|see|look)(?: for me)?)"

@@ -17,6 +17,7 @@ from language.errors import NotUnderstood
 from language.ordering import ordered, repeated
 from language.remarks import without_remarks
 from language.scanning import COLOR, Token, said, scan, verb_words
+from language.spoken import without_restarts
 from language.verbs import KNOWN, Act
 from language.whereabouts import plain_regions
 from language.words import phrases
@@ -48,7 +49,7 @@ def normalised(sentence: str) -> list[Token]:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     while found and found[0].text in ".,;:!?":
         del found[0]
-    found = _undoubled(_of_program(sentence, _trimmed(_begun_again(found))))
+    found = _undoubled(_of_program(sentence, _trimmed(without_restarts(found))))
     found = _unframed(arranged(rewritten(plain_regions(found), wordings()["orders"])))
     found = repaired(rewritten(found, wordings()["repairs"]))
     found = _unframed(without_remarks(ordered(found)))
@@ -121,21 +122,6 @@ def _undoubled(found: list[Token]) -> list[Token]:
                 del found[at : at + size]
             else:
                 at += 1
-    return found
-
-
-_BEFORE_A_THING = frozenset(
-    phrases("near, to, in, on, of, at, into, onto, behind, beside, between, by, from, under, with")
-)
-
-
-def _begun_again(found: list[Token]) -> list[Token]:
-    """Return the words without a preposition that a speaker says twice: "near the, near the red cube"."""
-    for size in (3, 2, 1):
-        for at in range(len(found) - 2 * size):
-            one, two = ([token.text for token in found[i : i + size]] for i in (at, at + size + 1))
-            if one == two and one[-1] in _BEFORE_A_THING and found[at + size].text == ",":
-                return _begun_again(found[: at + size] + found[at + 2 * size + 1 :])
     return found
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 
+from language.scanning import Token
+from language.words import phrases
+
 _HUMS = r"(?:u+h+|u+m+|erm?|hm+|so|well|okay|ok|and|but|then|now|yeah|please|no)"
 _BEGUN = re.compile(
     rf"(?:^|(?<=[.!?;,]))(?P<before>\s*(?:{_HUMS}\b,?\s+)*)"
@@ -27,3 +30,23 @@ def fluent(sentence: str) -> str:
             break
         sentence = shorter
     return sentence
+
+
+_BEFORE_A_THING = frozenset(
+    phrases("near, to, in, on, of, at, into, onto, behind, beside, between, by, from, under, with")
+)
+_BEGINNINGS = frozenset(
+    phrases("that is, which is, it is, not, but not, i want, can you, could you, put, take, move, a")
+)
+_LONGEST = 3  # words that are said again within a clause
+
+
+def without_restarts(found: list[Token]) -> list[Token]:
+    """Return the words of a clause without those that its speaker says again: "near the, near the red cube"."""
+    for size in range(_LONGEST, 0, -1):
+        for at in range(len(found) - 2 * size):
+            one, two = ([token.text for token in found[i : i + size]] for i in (at, at + size + 1))
+            again = one == two and found[at + size].text == ","
+            if again and (one[-1] in _BEFORE_A_THING or " ".join(one) in _BEGINNINGS):
+                return without_restarts(found[: at + size] + found[at + 2 * size + 1 :])
+    return found

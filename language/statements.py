@@ -42,10 +42,13 @@ _OPINION = re.compile(
     rf"|how (?!{_ASKS})\w+(?: (?:it|that|this|you) (?:is|are|was|looks?))?$"
     rf"|(?:not (?:too )?bad|so (?!{_ASKS})\w+|such an? \w+|very \w+|exactly what|look at (?:it|that|this|you))\b)"
 )
+_ACTED = (  # what people and the robot did to a thing
+    r"dropped|lost|knocked|tipped|grabbed|picked|moved|pushed|opened|closed|pressed|turned|touched|placed|stacked"
+    r"|switched|flipped"
+)
 _PAST = (
-    r"(?:dropped|drop|lost|missed|knocked|fell|fallen|slipped|slip|tipped|broke|broken|crashed|failed|bumped|hit"
-    r"|collapsed|toppled|rolled|let (?:it|that|go)|took|taken|grabbed|picked|moved|pushed|did|put|opened|closed|pressed"
-    r"|turned|touched|reached|placed|stacked|switched|flipped|gave|brought|made|threw|tipped)"
+    rf"(?:{_ACTED}|drop|missed|fell|fallen|slipped|slip|broke|broken|crashed|failed|bumped|hit|collapsed|toppled|rolled"
+    r"|let (?:it|that|go)|took|taken|did|put|reached|gave|brought|made|threw)"
 )
 _EVENT = re.compile(
     rf"^(?:you {_VERY}(?:have |had )?{_VERY}{_PAST}\b"
@@ -62,8 +65,7 @@ _NOT_EVENT = re.compile(
 _REPORT = re.compile(  # "I have already pressed the button", "my brother opened the drawer yesterday"
     rf"^(?:(?:i|we|he|she|they|someone|somebody|nobody|(?:my|our|your|a) \w+) {_VERY}"
     rf"(?:(?:have|has|had|'ve|'d) )?{_VERY}"
-    r"(?:dropped|knocked|tipped|grabbed|picked|moved|pushed|pulled|opened|closed|pressed|turned|touched|placed|stacked"
-    r"|switched|flipped|built|filled|emptied|checked|lifted|lost)"
+    rf"(?:{_ACTED}|pulled|built|filled|emptied|checked|lifted)"
     rf"|you {_VERY}(?:have |had )?{_VERY}(?:nearly |almost )(?:dropped|knocked|tipped|hit|broke)"
     r")\b(?! me\b)"
 )

@@ -95,7 +95,14 @@ def test_a_bit_right_is_a_side(said):
 
 def test_one_of_two_may_be_both():
     outcome = outcome_of("open one of the containers / why not both", larger_room())
-    assert outcome.result.open >= {DRAWER, FRIDGE}
+    assert outcome.result.open == {DRAWER, FRIDGE}
+
+
+def test_what_is_lowered_where_it_was_lifted_stands_there_again():
+    world = larger_room()
+    outcome = outcome_of("pick up the yellow cube / lower the block at the spot from which you lifted it", world)
+    assert [step.object for step in outcome.steps] == [YELLOW]
+    assert outcome.steps[-1].place == (world.things[YELLOW].x, world.things[YELLOW].y)
 
 
 @pytest.mark.parametrize("asked", ["I can't find the red cube, where is it", "I don't know where the red one is"])

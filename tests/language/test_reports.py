@@ -2,12 +2,12 @@
 
 import pytest
 
-from language import Answer, Dialogue
-from tests.helpers.room_cases import room
+from language import Answer
+from tests.helpers.room_cases import outcome_of
 
 
 def answer(sentence):
-    outcome = Dialogue().answer(sentence, room())
+    outcome = outcome_of(sentence)
     assert isinstance(outcome, Answer), outcome
     return outcome.text
 
