@@ -151,6 +151,24 @@ def test_what_is_compiled_is_kept_where_a_restart_does_not_empty_it(monkeypatch)
     assert os.environ[CACHE_VARIABLE] == "/a/folder/of/the/user"
 
 
+@needs_compiler
+def test_what_was_compiled_once_is_not_generated_again(monkeypatch, tmp_path):
+    from torch._dynamo.utils import counters
+
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    kinds = "fxgraph_cache_hit", "fxgraph_cache_miss"
+    found = []
+    for seed in range(2):  # of weights and frames, which compiled functions do not contain
+        torch.manual_seed(seed)
+        layer, before = torch.nn.Linear(3, 2), [counters["inductor"][kind] for kind in kinds]
+        gradients = CompiledLosses(
+            lambda frames, layer=layer: {"loss": layer(frames["x"]).mean()}, [*layer.parameters()]
+        )
+        gradients.parts(TensorDict({"x": torch.randn(8, 3)}, [8]))
+        found.append([counters["inductor"][kind] - count for kind, count in zip(kinds, before, strict=True)])
+    assert found == [[0, 1], [1, 0]]
+
+
 def choice(compile, frames, device="cpu"):
     return training("sac", overrides=(f"algo.compile='{compile}'",)).algo.choose_compilation(frames, device)
 
