@@ -77,12 +77,15 @@ class ComparedEnv(NamedTuple):
 
 PPO_INTERVALS = 5  # PPO evaluates after so many times the frames, of which it makes about as many more a second
 PANDA = "collector.worlds=16"  # a world of panda-gym takes about as much memory as four of ours
+PANDA_REACH = (  # one process, since the start of another takes longer than all of its frames
+    "total_frames=10_000 collector.worlds=8 collector.workers=1 algo.updates_per_frame=1 algo.learning_starts=500"
+)
 COMPARED = {  # total_frames is a setting: learning rates fall to 0 over it
     "Deixis/NLReach-v0": ComparedEnv(4_000, "total_frames=80_000", "total_frames=100_000"),
     "Deixis/NLPush-v0": ComparedEnv(15_000, "total_frames=300_000", "algo.updates_per_frame=0.5 total_frames=300_000"),
     "Deixis/Reach-v0": ComparedEnv(2_000, "total_frames=80_000", "total_frames=40_000"),
     "Deixis/Push-v0": ComparedEnv(15_000, "total_frames=1_000_000", "total_frames=300_000"),
-    "PandaReach-v3": ComparedEnv(1_000, f"total_frames=100_000 {PANDA}", f"total_frames=20_000 {PANDA}"),
+    "PandaReach-v3": ComparedEnv(1_000, f"total_frames=100_000 {PANDA}", PANDA_REACH),
     "PandaPush-v3": ComparedEnv(20_000, f"total_frames=1_000_000 {PANDA}", f"total_frames=400_000 {PANDA}"),
     "PandaPickAndPlace-v3": ComparedEnv(20_000, f"total_frames=1_000_000 {PANDA}", f"total_frames=600_000 {PANDA}"),
 }

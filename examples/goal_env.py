@@ -40,7 +40,8 @@ from trainers.run.train_loop import fit
 Array = NDArray[np.float64]
 Bounds = dict[str, tuple[Array, Array]]  # by the key of an observation, the least and greatest value of each number
 GOALS = ("achieved_goal", "desired_goal")
-MEASURED_EPISODES = 40  # of random actions, in which the bounds of observations are measured
+MEASURED_EPISODES = 40  # whose first observations, and so goals, the bounds of observations contain
+MOVED_EPISODES = 10  # those of them in which random actions move the arm
 LEAST_RANGE = 0.3  # of a number, where random actions hardly change it
 MARGIN = 0.5  # by which these bounds are widened, in shares of their range
 
@@ -202,7 +203,7 @@ def measure_bounds(name: str) -> Bounds:
     env, rng, seen = make(name), np.random.default_rng(0), []
     for episode in range(MEASURED_EPISODES):
         seen.append(env.reset(seed=episode)[0])
-        ended = False
+        ended = episode >= MOVED_EPISODES
         while not ended:
             action = rng.uniform(-1, 1, env.action_space.shape).astype(np.float32)
             observation, _, terminated, truncated, _ = env.step(action)
@@ -264,7 +265,7 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
     parser.add_argument("env", help="id of a Gymnasium environment with goals, such as PandaReach-v3")
     parser.add_argument("overrides", nargs="*", help="overrides of the config's parts for training")
     parser.add_argument("--folder", type=Path, default=Path("outputs/goal_env"))
-    args = parser.parse_args(words)
+    args = parser.parse_intermixed_args(words)
     config = compose(["task=reach", "policy=mlp", "eval.video_episodes=0", *args.overrides])
     training = choose_compilation(config, read_training(config))
     with Progress(training.run.total_frames) as progress:
