@@ -28,6 +28,7 @@ from language.acts import (
 )
 from language.conditions import Conditions
 from language.errors import NotUnderstood
+from language.later import later_time
 from language.lattice import vocabulary
 from language.meanings import Gesture, Measure, Pointed, Reading, gestures
 from language.normalise import LONGEST_SENTENCE, normalised
@@ -152,6 +153,9 @@ class Dialogue(Conditions):
         plain = " ".join(token.text for token in scan(text) if token.text not in ".,!?")
         found = self._of_turns(text, plain, made) or self._command(self._reordered(plain) or text, made)
         outcome = replace(found, sentence=sentence)
+        if (when := later_time(plain)) and isinstance(outcome, Plan | Refusal):
+            why = f"I act at once, and do not wait until then ('{when}'); say it again at that time"
+            return Refusal(sentence, 0.5, (), span, "impossible", text=why, suggestions=offers(world))
         if homeward and isinstance(outcome, Plan) and outcome.steps:
             self.homeward = True
             return replace(outcome, notes=(*outcome.notes, "after that I go back to my rest position"))

@@ -5,7 +5,7 @@ Steps that people imply are put in: a drawer is opened before something goes in,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -86,7 +86,7 @@ class Planner(Several):
             if clause.act is Act.CARRY and thing and not clause.places and not last:
                 clause = replace(clause, verb=bringing("up"))  # "move the cube and put it there"
             before = self._sequence(steps[:-1], False, arbitrary)
-            layer = [_marked(plan, d, clause) for plan in before for d in self._after(plan, clause, last)]
+            layer = [_marked(plan, d, clause) for plan in before for d in self._either(plan, clause, last)]
             layer.sort(key=lambda plan: (bool(plan.failure), plan.cost))
             self._sequences[key] = different(layer)[:KEPT]
         return self._sequences[key]
@@ -103,6 +103,14 @@ class Planner(Several):
             return 0.0  # the clauses before tell what "it" is
         refs = self.resolver(self.world, self.it, None).resolve(entity)
         return refs[0].cost if refs else costs.EMPTY
+
+    def _either(self, plan: Draft, clause: Clause, last: bool) -> Iterable[Draft]:
+        """Return the plans with one more clause; of "the drawer or the fridge" with the first that can be done."""
+        entity = clause.entity
+        if entity is None or entity.kind != "list" or not entity.any or clause.negated:
+            return self._after(plan, clause, last)
+        found = [list(self._after(plan, replace(clause, entity=part), last)) for part in entity.parts]
+        return next((drafts for drafts in found if any(not each.failure for each in drafts)), found[0])
 
     def _after(self, plan: Draft, clause: Clause, last: bool) -> Iterator[Draft]:
         """Yield the plans with one more clause."""

@@ -293,7 +293,8 @@ def on_sides_of(sentence: str, viewpoint: str) -> str:
 
 
 _NAME = re.compile(
-    r"(?<![\w'-])(?!(?:She|He|They|You|We|It|This|That|There|Who|What|One|Everyone|Nobody|Somebody|Someone)\b)"
+    r"(?<![\w'-])(?!(?:She|He|They|You|We|It|This|That|There|Who|What|One|Everyone|Nobody|Somebody|Someone"
+    r"|(?:Mon|Tues|Wednes|Thurs|Fri|Satur|Sun)days?)\b)"
     r"(?P<name>[A-Z][a-z]{2,}|(?i:grand(?:pa|ma|dad|mum|father|mother)|mum|mom|daddy|mummy))(?P<own>'s)?\b"
 )
 _TELLS = re.compile(

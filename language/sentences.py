@@ -270,7 +270,7 @@ class _Sentences:
         return self._objects[start, lists]
 
     def _listed(self, item: Item) -> list[Item]:
-        """Return the lists with one more thing."""
+        """Return the lists with one more thing; `any`: one of them is meant, "X or Y"."""
         at, first = item.end, item.value
         if first.kind not in ("thing", "list"):
             return []
@@ -282,7 +282,9 @@ class _Sentences:
                 return [
                     Item(
                         more.end,
-                        Entity("list", parts=(*parts, more.value), span=(first.span[0], more.end)),
+                        Entity(
+                            "list", any=words == ("or",), parts=(*parts, more.value), span=(first.span[0], more.end)
+                        ),
                         item.cost + more.cost + costs.LISTED + 0.6 * (words == (",",)) + 0.3 * bool(first.relations),
                         item.skipped | more.skipped,
                     )

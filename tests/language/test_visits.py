@@ -23,6 +23,8 @@ APART = [("red", (0.34, -0.2, 0.025)), ("green", (0.44, 0.0, 0.025))]
     ("sentence", "verbs", "ids"),
     [
         ("either open the drawer or the fridge, whichever you like", ["open"], [DRAWER]),
+        ("open the drawer or the fridge", ["open"], [DRAWER]),
+        ("the drawer gets the red cube", ["open", "put_in"], [DRAWER, RED]),
         ("leave the wheel alone and press the button", ["press"], [BUTTON]),
         ("you don't need to open the fridge, just press the button", ["press"], [BUTTON]),
         ("at least press one of the buttons", ["press"], [BUTTON]),
