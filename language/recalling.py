@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from language.acts import act_of, question
 from language.errors import NotUnderstood
+from language.later import later_time
 from language.lattice import Lattice, vocabulary
 from language.meanings import Gesture
 from language.memory import Memory
@@ -293,8 +294,7 @@ def on_sides_of(sentence: str, viewpoint: str) -> str:
 
 
 _NAME = re.compile(
-    r"(?<![\w'-])(?!(?:She|He|They|You|We|It|This|That|There|Who|What|One|Everyone|Nobody|Somebody|Someone"
-    r"|(?:Mon|Tues|Wednes|Thurs|Fri|Satur|Sun)days?)\b)"
+    r"(?<![\w'-])(?!(?:She|He|They|You|We|It|This|That|There|Who|What|One|Everyone|Nobody|Somebody|Someone)\b)"
     r"(?P<name>[A-Z][a-z]{2,}|(?i:grand(?:pa|ma|dad|mum|father|mother)|mum|mom|daddy|mummy))(?P<own>'s)?\b"
 )
 _TELLS = re.compile(
@@ -326,6 +326,8 @@ def without_names(sentence: str) -> str:
         name, before, after = match["name"], sentence[: match.start()], sentence[match.end() :]
         first = not before.strip() or before.rstrip()[-1] in ".!?:;"
         family = name[0].islower() or name.lower().startswith(("grand", "mum", "mom"))
+        if later_time(name.lower()):  # "Monday"
+            return match[0]
         if name.lower() in known or (first and not family and not match["own"] and not _TELLS.match(after)):
             return match[0]
         if re.search(r"\b(?:the|a|an|this|that)\s+$", before, re.I):
