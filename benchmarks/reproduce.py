@@ -260,11 +260,13 @@ def comparisons(book: RowBook, entries: dict[str, dict[str, Any]]) -> dict[str, 
     found = {}
     for name in book.compared:
         rows = [row for row in book.rows.values() if row.table == name]
+        seeds = book.shared_seeds(name)
         values: dict[str, dict[str, list[float]]] = {}
         for row in rows:
             line, column = ends_of(row)
-            values.setdefault(column, {})[line] = [run["value"] for run in stored_runs(book, row)]
-        entry = compare(values, len(book.measured(rows[0]).seeds), former.get(name))
+            runs = (run for run in stored_runs(book, row) if run["seed"] in seeds)
+            values.setdefault(column, {})[line] = [run["value"] for run in runs]
+        entry = compare(values, len(seeds), former.get(name))
         states = {entries[row.id]["state"] for row in rows if ends_of(row)[0] in entry["lines"]}
         found[name] = entry | {"state": "older code" if "older code" in states else "measured"}
     return found

@@ -171,10 +171,14 @@ class RowBook:
         self.rows[row.id] = row
 
     def _check_compared(self, name: str, path: Path) -> None:
-        """Raise ConfigError unless a table is a matrix, and all of its rows have as many seeds."""
-        counts = {len(self.measured(row).seeds) for row in self.rows.values() if row.table == name}
-        if name not in self.matrices or len(counts) != 1:
-            raise ConfigError(f"{path}: compared has {name}, which must be a matrix whose rows have as many seeds each")
+        """Raise ConfigError unless a table is a matrix, and all of its rows have a seed in common."""
+        if name not in self.matrices or not self.shared_seeds(name):
+            raise ConfigError(f"{path}: compared has {name}, which must be a matrix whose rows share a seed")
+
+    def shared_seeds(self, table: str) -> set[int]:
+        """Return the seeds that all rows of a table have."""
+        every = [set(self.measured(row).seeds) for row in self.rows.values() if row.table == table]
+        return set.intersection(*every) if every else set()
 
     def measured(self, row: ReproducedRow) -> ReproducedRow:
         """Return the row whose runs have the figure."""

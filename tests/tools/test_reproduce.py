@@ -243,6 +243,22 @@ def test_columns_are_compared_on_lines_that_have_every_run(project, tmp_path, mo
     assert found["better than b"] == ["0.125 (0.115-0.145)", ""]
 
 
+def test_columns_are_compared_by_the_seeds_that_all_rows_have(project, tmp_path, monkeypatch):
+    library(tmp_path / "fake", monkeypatch, LIBRARY)
+    rows = project / "benchmarks" / "rows.yaml"
+    more = '  - {id: field/far-a, kind: printed, words: "a", seeds: [0, 1, 2]}\n'
+    rows.write_text(ROWS.replace("place: [near, far]", "place: [near]") + more)
+    store(project, "field/near-a", 0.75, 0.5)
+    store(project, "field/near-b", 0.96, 0.75)
+    rows.write_text(rows.read_text() + more.replace("-a", "-b").replace("[0, 1, 2]", "[0, 1]"))
+    store(project, "field/far-a", 0.75, 0.5, 0.0)
+    store(project, "field/far-b", 0.96, 0.75)
+    reproduce(project, "--write")
+    found = compared(project)
+    assert found[""] == ["2 of 2, 2 seeds", "a", "b"]
+    assert found["interquartile mean (95 %)"][0].startswith("0.625")
+
+
 def test_a_comparison_is_computed_again_only_for_other_runs(project, tmp_path, monkeypatch):
     for name in ("near-a", "near-b"):
         store(project, f"field/{name}", 0.75, 0.5)
