@@ -30,14 +30,15 @@ _SET = (
     rf"|{_NUMBER}|everything)|all|both"
 )
 _VERTICAL = {
-    "first": "very bottom|bottom|bottommost|lowest|base|foundation|underneath|below",
-    "last": "very top|top|topmost|uppermost|highest|above",
+    "first": "very bottom|bottom|bottommost|lowest|base|foundation|underneath|below|lower",
+    "last": "very top|top|topmost|uppermost|highest|above|upper",
 }
 _LEVELS = {
     "first": "leftmost|left|first|beginning|(?:start|begin)\\w* with",
     "last": "rightmost|right|last|end|(?:end|finish)\\w* with",
     "middle": "middle|center|centre|between",
 }
+_SAYS_LEVEL = rf"\b(?:{'|'.join(_LEVELS.values())})\b"
 _AT = r"(?:(?:at|on|in|as|for|to|far|very|a|my|its) )*"
 _OF_IT = r"(?: (?:one|cube|block|layer|level|side|end|place|position|of (?:it|tower|stack|pile|row|line|all)))*"
 _THAT = r"(?:it|that|this|them|those|these|each other)"
@@ -65,12 +66,20 @@ _PLACE = re.compile(
     r" (?:along|at|on|in|near|by)(?: my| your)? ((?:front|back|far|near|left|right) (?:edge|border)|(?<=along )(?:front"
     r"|back|left|right)|(?:front|back|far|near) (?:left|right) corner)(?: of (?:table|board))?(?=$| )"
 )
+_SIDE = re.compile(  # of a list, at whose end it is no description of the last thing
+    r"^(?P<list>.*(?:,|\band) (?:(?!with|which|that)\w+ ){1,3}?)(?:(?:over|up|somewhere) )*"
+    r"(?:on|at|to|along|in) (?P<side>(?:(?:my|your) )?(?:left|right))(?: hand)?(?: side| half| part| end)?"
+    r"(?: of (?:table|board))?$"
+)
 _ALL = re.compile(
     rf"(?:(?: ,)? (?:of|from|with|using|out of|made of)){{0,2}} ({_SET})"
     rf"(?=$| [,:]| (?:with|where|and|but|up|in|{COLOR})\b)"
 )
-_NEXT = re.compile(r"(?: ?(?:,|:|\band\b|\bthen\b|\bfollowed by\b|\bfinally\b))+ ?")
-_CHAIN = re.compile(r" (on top of|on|above|over|atop|under|below|beneath) (?=\w)")
+_NEXT = re.compile(
+    r"(?: ?(?:,|:|\b(?:and|then|where|so that|such that|followed by|finally)\b|\b(?<!ing )(?<!but )with\b))+ ?"
+)
+_RESTS = r"(?:stand|sit|sitt|rest|lie|ly|go|come|be|is|place|stack|put)(?:s|ing|d|ed)?"
+_CHAIN = re.compile(rf"(?: {_RESTS})* (on top of|on|above|over|atop|under|below|beneath) (?=\w)")
 _IDLE = re.compile(r"(?:(?:in|this|that|a|order|please|again|now|time|instead|up|exactly) ?)*$")
 _SAYS = r"(?:start|begin|end|finish|come|go|use|have|stand|lie)\w*\b"  # verbs that say where a part is
 _POLITE = re.compile(r"(?: (?:please|again|now|too|thanks|cube by cube))+(?= ?(?:,|$))")
@@ -88,7 +97,7 @@ class _Part(NamedTuple):
 @cache
 def _heads() -> tuple[re.Pattern[str], ...]:
     """Return patterns of what begins an arrangement."""
-    start = rf"(?:^|(?<=[.;!?,:] )|(?<=\band )|(?<=\bthen ))(?:(?!(?:{verb_words()})\b)[a-z]+ ){{0,4}}?"
+    start = rf"(?:^|(?<=[.;!?,:] )|(?<=\band )|(?<=\bthen ))(?:(?!(?:{verb_words()})\b)[a-z]+ ){{0,6}}?"
     put = r"(?:put|place|lay|set|arrange|bring|line|move|order|align|stand)(?: up)?"
     heads = (
         rf"(?P<head>(?:{_MAKE} |in )?{_LITTLE}(?:(?P<tower>{_TOWER}|{_NUMBER} high)|(?P<row>{_ROW}))(?: again)?)",
@@ -129,6 +138,9 @@ def _plain(head: re.Match[str], tail: str) -> tuple[str, str] | None:
     for name, pattern in (("way", _WAY), ("back", _BACK), ("place", _PLACE), ("all", _ALL)):
         cut[name] = pattern.search(tail) if said or name == "way" else None
         tail = pattern.sub(" ,", tail, count=1) if cut[name] else tail
+    side = _SIDE.match(tail) if row and not cut["place"] else None
+    side = side if side and not re.search(_SAYS_LEVEL, side["list"]) else None
+    tail = side["list"] if side else tail
     parts = _parts(tail, chained=bool(said) and not re.match("(?:stack|pile|heap)", said))
     if parts is None or (not said and not _is_tower(parts, cut["way"])):
         return None
@@ -146,7 +158,7 @@ def _plain(head: re.Match[str], tail: str) -> tuple[str, str] | None:
         what = every + " in reversed order" * bool(cut["back"]) + "".join(orders)
     else:
         return None
-    where = f" at {cut['place'][1]}" if cut["place"] else ""
+    where = f" at {cut['place'][1]}" if cut["place"] else f" at {side['side']} side" if side else ""
     return f"{'group together' if row else 'build tower of'} {what}{where}", after
 
 
@@ -196,6 +208,12 @@ def _level(segment: str) -> tuple[str, bool, str]:
     return "", False, plain
 
 
+def _same(one: str, other: str) -> bool:
+    """Whether two names are of the same thing: "the blue cube" and "the blue one"."""
+    (*words, noun), (*others, kind) = one.split(), other.split()
+    return words == others and (noun == kind or "one" in (noun, kind))
+
+
 def _in_order(parts: list[_Part], backward: bool) -> tuple[list[str], dict[str, list[str]]]:
     """Return the things from the lowest or leftmost on, and those that are said to be first, in the middle or last.
 
@@ -206,8 +224,9 @@ def _in_order(parts: list[_Part], backward: bool) -> tuple[list[str], dict[str, 
     at, run = -1, ""
     for part in parts:
         thing = part.thing if part.thing.split()[-1] in ("cube", "block", "ball", "one") else f"{part.thing} one"
-        if thing in listed:
-            listed.remove(thing)
+        if said := [each for each in listed if _same(each, thing)]:  # "red and blue, with red at the bottom"
+            listed.remove(said[0])
+            thing = said[0] if thing.endswith(" one") else thing
         backward = {"last": True, "down": True, "first": False, "up": False}.get(part.level, backward)
         at = {"first": 0, "last": len(listed)}.get(part.level, max(at, 0) if backward else at + 1)
         listed.insert(at, thing)

@@ -25,6 +25,8 @@ _BROUGHT = (Act.CARRY, Act.LOWER, Act.GIVE, Act.REMOVE, Act.STORE)
 PLACED = (*_BROUGHT, Act.TAKE, Act.HOLD, Act.OPERATE, Act.UNSTACK)  # with a place
 ARRANGED = (Act.BUILD, Act.GATHER)
 _ON_BOTH = (*ARRANGED, Act.SWAP)
+_LOOSE = ((",",), ("then",))  # which also join clauses
+_LISTING = ((",", "and"), ("and",), *_LOOSE, ("as", "well", "as"), ("plus",), ("or",))
 BARE = (Act.OPEN, Act.SHUT, Act.OPERATE, Act.GIVE, Act.TAKE, Act.UNSTACK, Act.TIDY, Act.EMPTY)  # without an object
 
 
@@ -276,7 +278,7 @@ class _Sentences:
             return []
         if self.lattice.table and first.relations and self.lattice.text(at + 1) == "then":
             return []  # "put X next to Y and then Z next to W"
-        for words in ((",", "and"), ("and",), (",",), ("as", "well", "as"), ("plus",), ("or",)):
+        for words in _LISTING:
             if tuple(self.lattice.text(at + i) for i in range(len(words))) == words:
                 parts = first.parts if first.kind == "list" else (first,)
                 return [
@@ -285,7 +287,7 @@ class _Sentences:
                         Entity(
                             "list", any=words == ("or",), parts=(*parts, more.value), span=(first.span[0], more.end)
                         ),
-                        item.cost + more.cost + costs.LISTED + 0.6 * (words == (",",)) + 0.3 * bool(first.relations),
+                        item.cost + more.cost + costs.LISTED + 0.6 * (words in _LOOSE) + 0.3 * bool(first.relations),
                         item.skipped | more.skipped,
                     )
                     for more in self.chart.entities(at + len(words))
@@ -487,7 +489,8 @@ class _Sentences:
         """Return the clauses after their place: "in the drawer: the gray one", "between the two set the red cube"."""
         found = []
         begin = place.end + (self.lattice.text(place.end) in (":", ","))
-        verbs = [(CARRYING, begin, costs.NO_VERB_BUT_PLACE + costs.NO_VERB * (begin == place.end))]
+        mutual = any(anchor.kind == "mutual" for each in place.value for anchor in each.anchors)  # "touch two cubes"
+        verbs = [] if mutual else [(CARRYING, begin, costs.NO_VERB_BUT_PLACE + costs.NO_VERB * (begin == place.end))]
         verbs += [(e.value, e.end, e.cost) for e in self.lattice.get(begin, "verb") if KNOWN[e.value].act is Act.CARRY]
         for verb, start, cost in verbs:
             for entity in self.objects(start):
@@ -507,7 +510,8 @@ class _Sentences:
         """Return the clauses of a thing and a particle: "the drawer out, the blue cube in, the drawer shut"."""
         found = []
         for gap in self.lattice.gaps(entity.end):
-            for edge in self.lattice.get(gap.end, "particle") if not gap.cost else ():
+            particles = self.lattice.get(gap.end, "particle") if not gap.cost else ()
+            for edge in (each for each in particles if self.lattice.text(each.end) != "there"):
                 names = {n for v in _WITH_PARTICLE for n in self._verbs_of([v, self.lattice.text(gap.end)])}
                 bare = entity.value.noun is None  # "red out" is rather a cube than a door
                 cost = entity.cost + edge.cost + costs.NO_VERB_BUT_PLACE + costs.NO_NOUN * bare

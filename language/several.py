@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from language import costs
-from language.free_spots import GRID, SHARES
+from language.free_spots import GRID, SHARES, clear_of
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.movers import Movers
 from language.places import ONTO, _anywhere, _Wish, free_spot
@@ -439,9 +439,13 @@ class Several(Movers):
         among = things[:1] if places else things
         x = sum(first.world.things[i].x for i in among) / len(among)
         y = sum(first.world.things[i].y for i in among) / len(among)
-        sides = {side for place in places for anchor in place.anchors for side in anchor.sides}
-        dx, dy = plan.world.toward("back" if sides & {"left", "right"} else "right")
-        spots = row_spots(plan.world, things, (x, y), (dx, dy), bool(places))
+        side = _side_of(places)
+        if side:
+            ways = [plan.world.toward(way) for way in ("back", "right")]
+            found = (row_spots(plan.world, things, (x, y), way, False, plan.world.toward(side)) for way in ways)
+            spots: list[tuple[float, float]] = next(filter(None, found), [])
+        else:
+            spots = row_spots(plan.world, things, (x, y), plan.world.toward("right"), bool(places))
         if not spots:
             return replace(plan, failure="there is no room for a row", reason="impossible")
         for index, (x, y) in zip(things, spots, strict=True):
@@ -452,6 +456,13 @@ class Several(Movers):
                 plan, index, (RelationPhrase("here", (Entity("spot", pointed=Gesture((), (x, y))),)),)
             )
         return plan
+
+
+def _side_of(places: Sequence[RelationPhrase]) -> str:
+    """Return "left" or "right" if places are at that side of the table; otherwise ""."""
+    named = {side for place in places for anchor in place.anchors for side in anchor.sides}
+    named |= {place.name for place in places if [anchor.kind for anchor in place.anchors] == ["board"]}
+    return next((side for side in ("left", "right") if side in named), "")
 
 
 def is_mutual(place: RelationPhrase) -> bool:
@@ -471,38 +482,39 @@ def row_spots(
     at: tuple[float, float],
     toward: tuple[float, float],
     fixed: bool,
+    half: tuple[float, float] | None = None,
 ) -> list[tuple[float, float]]:
     """Return x and y of things in a straight row; [] if there is no room.
 
     at: where it begins, if fixed, or else its middle, as near as possible. toward: unit vector from the first to the
-    last. fixed: whether the row stays on the line through the place.
+    last. fixed: whether the row stays on the line through the place. half: unit vector from the middle of the table to
+    the half where all of the row is; None: anywhere.
     """
     (x0, x1, y0, y1), (dx, dy) = world.bounds, toward
     width = max(world.things[i].width for i in things)
     step, grid = (world.pitch, 1.0) if world.cells else (SHARES[False][0] * width + GRID, GRID)
-    others = [
+    standing = [
         i for i in range(len(world.things)) if i != world.held and i not in world.inside and world.below[i] is None
     ]
-    others = [i for i in others if world.is_loose(i) or world.covers(*world.things[i][2:4])]
+    standing = [i for i in standing if world.is_loose(i) or world.covers(*world.things[i][2:4])]
     length = step * (len(things) - 1)
     xs, ys = (np.arange(a, b + 1e-6, grid) for a, b in ((x0, x1), (y0, y1)))
     xs, ys = (xs if dx or not fixed else np.array(at[:1])), (ys if dy or not fixed else np.array(at[1:]))
+    x, y = (each.reshape(-1, 1) for each in np.meshgrid(xs, ys, indexing="ij"))
+    x, y = x + dx * step * np.arange(len(things)), y + dy * step * np.arange(len(things))  # (begins, things)
     start = at if fixed else (at[0] - dx * length / 2, at[1] - dy * length / 2)
-    begins = [(x, y) for x in xs.tolist() for y in ys.tolist() if world.covers(x + dx * length, y + dy * length)]
-    begins.sort(key=lambda each: math.dist(each, start))
-    rows = [[(x + dx * step * n, y + dy * step * n) for n in range(len(things))] for x, y in begins]
-    for clear in SHARES[world.cells]:
-        for row in rows:
-            if all(
-                _is_free(world, row[n], [i for i in others if i not in things[: n + 1]], clear) for n in range(len(row))
-            ):
-                return row
+    (cx, cy), (hx, hy) = world.center, half or (0.0, 0.0)
+    fits = (x0 - 1e-6 <= x) & (x <= x1 + 1e-6) & (y0 - 1e-6 <= y) & (y <= y1 + 1e-6)
+    fits = (fits & ((x - cx) * hx + (y - cy) * hy >= 0)).all(axis=1)
+    for share in range(len(SHARES[world.cells])):
+        free = fits.copy()
+        for n in range(len(things)):  # those before it have left their places
+            boxes = tuple((*world.things[i][2:4], world.things[i].width) for i in standing if i not in things[: n + 1])
+            free &= clear_of(x[:, n], y[:, n], world.cells, boxes)[share]
+        if free.any():
+            row = int(np.where(free, np.hypot(x[:, 0] - start[0], y[:, 0] - start[1]), np.inf).argmin())
+            return list(zip(x[row].tolist(), y[row].tolist(), strict=True))
     return []
-
-
-def _is_free(world: WorldModel, at: tuple[float, float], others: Sequence[int], clear: float) -> bool:
-    """Whether no other thing is nearer to a place than that many of its widths."""
-    return all(math.dist(at, world.things[i][2:4]) > clear * world.things[i].width - 1e-6 for i in others)
 
 
 def without_orders(clause: Clause) -> tuple[Clause, tuple[RelationPhrase, ...]]:

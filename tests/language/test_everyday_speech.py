@@ -130,6 +130,99 @@ def test_what_takes_the_place_in_the_hand_is_handed_over():
     assert steps[-1] == "hand_over cyan hand"
 
 
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("the drawer shouldn't be open", "B", ["close drawer"]),
+        ("the fridge must not stay open", "F", ["close fridge"]),
+        ("the drawer should not be shut", "A", ["open drawer"]),
+        ("neither the drawer nor the fridge should be open", "BF", ["close drawer", "close fridge"]),
+        ("red is meant to go in the drawer", "B", ["put_in red drawer"]),
+        ("the drawer ought to contain the red cube", "B", ["put_in red drawer"]),
+        ("the blue cube should have the yellow one on top of it", "A", ["stack yellow blue"]),
+        ("the blue box belongs in the drawer", "B", ["put_in blue drawer"]),
+        ("I want the gray cube lying in a closed drawer", "B", ["put_in gray drawer", "close drawer"]),
+        (
+            "both containers should be emptied and closed",
+            "I",
+            ["pick_and_place yellow", "pick_and_place red", "close fridge", "close drawer"],
+        ),
+    ],
+)
+def test_what_is_said_to_be_so_is_made_so(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "the drawer must not be opened",
+        "the drawer can not be opened",
+        "the button should never be pressed",
+        "the red cube is not supposed to be moved",
+    ],
+)
+def test_what_must_not_be_done_is_not_done(sentence):
+    outcome = said(sentence)
+    assert isinstance(outcome, Answer)
+    assert "I do not" in outcome.text
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("fetch the red cube from the drawer and stack it on cyan", "I", ["stack red cyan"]),
+        ("reach into the drawer and take out the red cube", "I", ["take_out red drawer"]),
+        ("close the drawer once the red cube is in", "A", ["open drawer", "put_in red drawer", "close drawer"]),
+        (
+            "blue needs to be in the drawer, so open it first and close it once the cube is in",
+            "A",
+            ["open drawer", "put_in blue drawer", "close drawer"],
+        ),
+        ("open the drawer then the fridge", "A", ["open drawer", "open fridge"]),
+        (
+            "operate all three devices, first the lever, then the button, then the wheel",
+            "A",
+            ["switch lever", "press button", "turn wheel"],
+        ),
+        ("press the button, then give the wheel two turns", "A", ["press button", "turn wheel", "turn wheel"]),
+        ("raise the orange cube from the table and keep it in the gripper", "A", ["lift orange"]),
+        ("touch two cubes, any will do", "A", ["reach yellow", "reach orange"]),
+        ("hand my colleague the cyan one", "A", ["hand_over cyan hand"]),
+        ("take what I'm holding and put it on the table", "H", ["pick_and_place orange"]),
+    ],
+)
+def test_each_deed_is_done_once_and_in_order(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+def test_two_cubes_that_shall_be_touched_are_not_moved():
+    assert isinstance(said("touch two cubes"), Question)
+
+
+def test_a_cube_with_another_at_its_side_stays_where_it_is():
+    x, y = place("yellow should have cyan directly on its left")
+    assert x == pytest.approx(0.3375, abs=0.005)
+    assert 0.05 < y - 0.0145 < 0.1
+
+
+@pytest.mark.parametrize(
+    ("sentence", "side"),
+    [
+        ("put the orange, the gray and the cyan cube in a row on the left side of the table", 1),
+        ("line up orange, gray and cyan on the left", 1),
+        ("put the yellow, the red and the cyan cube in a line on the right side of the table", -1),
+    ],
+)
+def test_a_row_at_a_side_of_the_table_is_a_straight_one_there(sentence, side):
+    outcome = said(sentence)
+    assert isinstance(outcome, Plan)
+    places = [step.place for step in outcome.steps if step.place is not None]
+    (x0, y0), (x1, y1), (x2, y2) = places
+    assert all(y * side > 0 for _, y in places)
+    assert (x1 - x0, y1 - y0) == pytest.approx((x2 - x1, y2 - y1), abs=1e-6)
+
+
 def test_a_number_is_corrected():
     assert place("Shift cyan 3 cm to the left, no, make that four")[1] == pytest.approx(0.0516 + 0.04, abs=0.005)
 

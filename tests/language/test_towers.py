@@ -52,6 +52,10 @@ def test_a_thing_on_top_of_another_is_no_list_of_two(world):
         ("stack up the yellow, the pink and the red cube, from the bottom up", "yellow pink red"),
         ("could you make a stack with pink on top of blue on top of yellow", "yellow blue pink"),
         ("build a tower of three cubes, red first and then pink and blue", "red pink blue"),
+        ("build a tower from the blue cube and the red cube with red at the bottom", "red blue"),
+        ("what i would like is a tower where blue stands on top of red", "red blue"),
+        ("we need a small tower, blue sitting on red", "red blue"),
+        ("stack up blue and red so that red is the lower one", "red blue"),
         ("i want a tower where blue is the lowest, then comes pink, and red is the highest", "blue pink red"),
     ],
 )
