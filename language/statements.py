@@ -69,7 +69,12 @@ _REPORT = re.compile(  # "I have already pressed the button", "my brother opened
     rf"|you {_VERY}(?:have |had )?{_VERY}(?:nearly |almost )(?:dropped|knocked|tipped|hit|broke)"
     r")\b(?! me\b)"
 )
-_TAG = re.compile(r"^(?:is|are|was|were|did|do|does|have|has|right|or)(?: not)?(?: (?:it|you|that|i|this|they|not))*$")
+_HABIT = re.compile(r"^(?:they|people|some|he|she|we|i)\b.*\bused to\b")  # "they say it used to turn easily"
+_LONG_AGO = re.compile(r"\b(?:used to|yesterday|(?:last|this) (?:week|month|year|night|morning)|last time|ago)\b")
+_TAG = re.compile(
+    r"^(?:you know|you see|i mean|is|are|was|were|did|do|does|have|has|right|or)(?: not)?"
+    r"(?: (?:it|you|that|i|this|they|not))*$"
+)
 
 
 _BUSY = re.compile(  # "you look funny holding that"
@@ -113,9 +118,10 @@ def _kind(part: Part) -> str:
     if _TAG.match(text) or all(word in _polite() for word in part.words):
         return "idle"
     text = _BUSY.sub(r"\1", _LEADS.sub("", text))
-    if _EVENT.match(text) and not _NOT_EVENT.search(text):
+    if _EVENT.match(text) and (_LONG_AGO.search(text) or not _NOT_EVENT.search(text)):
         return "event"
-    if part.mark != "?" and _REPORT.match(text) and not _NOT_EVENT.search(text.replace("before you", "")):
+    told = _REPORT.match(text) and not _NOT_EVENT.search(text.replace("before you", ""))
+    if part.mark != "?" and (told or _HABIT.match(text)):
         return "opinion"
     return "opinion" if part.mark != "?" and _OPINION.match(text) and not _asking().search(text) else ""
 

@@ -44,6 +44,19 @@ def test_what_is_told_of_a_plan_is_answered_with_what_is_so(said):
     )
 
 
+@pytest.mark.parametrize(
+    "said",
+    [
+        "you opened the wrong drawer last week",
+        "they say the wheel used to turn more easily",
+        "you nearly dropped it, you know",
+        "could two cubes stand in the drawer side by side?",
+    ],
+)
+def test_what_happened_long_ago_or_might_be_so_moves_nothing(said):
+    assert isinstance(after("pick up the red cube", said), Answer)
+
+
 @pytest.mark.parametrize("said", ["did you do it?", "did that work?", "have you managed to do it"])
 def test_whether_a_plan_was_carried_out_is_told_as_it_is(said):
     turns = "open the drawer", said
