@@ -10,6 +10,7 @@ from typing import NamedTuple
 from language.scanning import THING
 from language.self_answers import SelfAnswers
 from language.spots import extent
+from language.talk import sides_of
 
 _LARGER = {
     **dict.fromkeys(("bigger", "larger", "wider", "taller", "longer", "biggest", "largest", "widest", "longest"), 1),
@@ -53,6 +54,21 @@ class Comparisons(SelfAnswers):
             return None
         size, sign = extent(world, others[0]), _LARGER.get(match["more"], 0)
         return Predicate(lambda i: (extent(world, i) > size) - (extent(world, i) < size) == sign, "size")
+
+    def part(self, plain: str) -> Predicate | None:
+        """Return the predicate of what is in a part of the table, or in one of several containers."""
+        world = self.world
+        if within := re.fullmatch(r"(?:in|inside)(?: of)? (.+? (?:and|or) .+)", plain):
+            boxes = self.subject(re.sub(r"\b(and|or) (?:in|inside) ", r"\1 ", within[1])) or []
+            if boxes and all(i in world.containers for i in boxes):
+                return Predicate(lambda i: world.inside.get(i) in boxes if world.is_loose(i) else None, "place")
+        side = re.fullmatch(
+            r"(?:on|at|to|in) (?:(left|right)(?: hand)?(?: side| half| part)?(?: of table)?|(middle))", plain
+        )
+        if side is None or world.cells:
+            return None
+        across = side[1] or side[2]
+        return Predicate(lambda i: sides_of(world, i)[0] == across if world.is_on_ground(i) else None, "place")
 
     def nearer(self, match: re.Match[str]) -> str | None:
         """Say which of two a thing is nearer to, or farther from."""
@@ -102,6 +118,21 @@ class Comparisons(SelfAnswers):
         things.sort(key=lambda i: dx * self.world.things[i].x + dy * self.world.things[i].y)
         self.things = [things[len(things) // 2]]
         return self._told(self.things[0], "place")
+
+    def stacked(self, match: re.Match[str]) -> str:
+        """Say which stacks there are."""
+        stacks = self._stacks()
+        self.things = [i for stack in stacks for i in stack[::-1]]
+        told = "; ".join(f"{self.names(stack[::-1])}" for stack in stacks)
+        return f"yes: {told}, the upper first" if stacks else "no: nothing stands on another thing"
+
+    def level(self, match: re.Match[str]) -> str | None:
+        """Say which thing of the only stack is the lowest or the highest."""
+        stacks = self._stacks()
+        if len(stacks) != 1:
+            return None
+        self.things = [stacks[0][0 if match[1] in ("lower", "lowest", "bottom") else -1]]
+        return self._told(self.things[0], "under" if self.things[0] == stacks[0][0] else "place")
 
     def highest(self, match: re.Match[str]) -> str | None:
         """Say which stack is the highest, or the lowest."""

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 
-from language.scanning import COLOR, Token, inflections, said
+from language.scanning import COLOR, Token, inflections, said, scan
 from language.verbs import KNOWN
 
 _JOINS = (  # what begins a clause of time, as words, and whether its deed comes first
@@ -118,6 +118,18 @@ def _done(found: Sequence[Token]) -> tuple[list[Token], int] | None:
         end = _end(words, at + 1)
         return [found[at]._replace(text="put"), *thing, *found[at:end]], end
     return None
+
+
+_WHETHER = re.compile(
+    r"^(?:has|have|is|are|was) (?!you\b|i\b)(?P<what>.+?)(?: been)? (?P<done>\w+)(?: yet| already| now)?$"
+)
+
+
+def undone(question: str) -> str | None:
+    """Return the command for the deed of which a question asks whether it is done: "has the button been pressed?"."""
+    match = _WHETHER.match(" ".join(token.text for token in scan(question) if token.text.isalnum()))
+    deed = _forms().get(match["done"]) if match else None
+    return None if match is None or deed is None else f"{deed} {match['what']}"
 
 
 def _end(words: Sequence[str], start: int) -> int:

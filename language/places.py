@@ -94,7 +94,7 @@ def _anchors(resolver: Resolver, relation: RelationPhrase, mover: int | None) ->
     """Return the referents of the anchor and, at a cost, its referents among the things that can bear another one."""
     entity = relation.anchors[0]
     refs = _of_kind(resolver, entity, mover)
-    if relation.name == "in" and entity.noun is None and not entity.colors:  # "into the other one"
+    if relation.name == "in" and entity.noun is None:  # "into the other one", "in the blue one"
         boxes = [ref for ref in refs if ref.things[-1:] and ref.things[-1] in resolver.world.containers]
         if boxes:
             return boxes

@@ -99,6 +99,7 @@ class Questions(Alternatives):
         return told
 
     def _answer(self, asked: str) -> str | None:
+        asked = re.sub(r"\b((?:to|on|most|f[au]rthest)(?: my| your)? right) now\b", r"\1", asked)
         asked = re.sub(
             r" (?:still|currently|actually|right now|at moment|presently|here(?= (?:that|which)\b))\b"
             r"(?! (?:open|closed|there))",
@@ -278,6 +279,8 @@ class Questions(Alternatives):
         if outside := re.match(r"(?:out of|outside(?: of)?) (.*)", plain):
             boxes = self.subject(outside[1]) or []
             return Predicate(lambda i: world.inside.get(i) not in boxes if world.is_loose(i) else None, "place")
+        if part := self.part(plain):
+            return part
         entity, found = self.refs(f"thing {plain}")
         if (
             entity is None
@@ -358,7 +361,11 @@ class Questions(Alternatives):
         either = re.fullmatch(rf"(.+?) (?:to )?{_SIDE} (?:of )?or (?:to )?{_SIDE}(?: of)? (.+)", text)
         if either and (said := self._either(either)):
             return said
-        found = self.split(re.sub(r" or (?!not\b).*$", "", text) if " , " not in text else text.split(" , ")[0])
+        one_of = re.sub(r" or (?!not\b).*$", "", text)
+        inside = re.search(r"\b(?:in|inside) (?:\w+ )?\w+ or \w", text)  # "in the drawer or the fridge"
+        found = (self.split(text) if inside else None) or self.split(
+            (text if " , " in text else one_of).split(" , ")[0]
+        )
         if found is None:
             return self.exists(match)
         things, stated, head, rest = found

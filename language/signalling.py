@@ -37,7 +37,8 @@ _UNDO = r"(?:undo|revert|reverse|cancel|rewind|roll back|take back|go back on|un
 _UNDOES = re.compile(
     rf"^(?:(?:please|now|no|and) )*(?:{_UNDO} (?:{_DEED}|{_DID}|(?:it|that|this)(?: again)?)(?: {_JUST_NOW})?"
     rf"|take (?:(?:your|my) )?(?:{_BEFORE} )(?:step|move|action|command|order|movement) back"
-    rf"|take {_DID} back|(?:go|move|take) (?:one|a|1) step back)$"
+    rf"|take {_DID} back|(?:go|move|take) (?:one|a|1) step back|take that (?:last (?:one|thing|step) )?back"
+    rf"|{_UNDO} (?!\w*thing\b)\w+ing(?: of (?:it|that))?)$"
 )
 _REPEATS = re.compile(
     rf"^(?:(?:please|now|and|then) )*(?:(?:repeat|redo)(?: (?:{_DEED}|{_DID}|it|that|this))?(?: {_JUST_NOW})?"

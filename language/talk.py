@@ -171,6 +171,15 @@ def _along(world: WorldModel, side: str, dx: float, dy: float) -> float:
     return ux * dx + uy * dy
 
 
+def sides_of(world: WorldModel, index: int) -> tuple[str, str]:
+    """Return in which part of the table a thing is: "left", "middle" or "right", and "near" or "far"."""
+    (x0, x1, y0, y1), thing = world.bounds, world.things[index]
+    dx, dy = thing.x - (x0 + x1) / 2, thing.y - (y0 + y1) / 2
+    left, edge = _along(world, "left", dx, dy), 0.2 * (y1 - y0)
+    across = "left" if left > edge else "right" if left < -edge else "middle"
+    return across, "near" if _along(world, "far", dx, dy) < 0 else "far"
+
+
 def where(world: WorldModel, index: int) -> str:
     """Return where a thing is, in words."""
     if index == world.held:
@@ -182,13 +191,11 @@ def where(world: WorldModel, index: int) -> str:
     below, thing = world.below[index], world.things[index]
     if below is not None:
         return f"on top of {a_name(world, below)}"
-    (x0, x1, y0, y1), side = world.bounds, []
-    left = _along(world, "left", thing.x - (x0 + x1) / 2, thing.y - (y0 + y1) / 2)
-    far = _along(world, "far", thing.x - (x0 + x1) / 2, thing.y - (y0 + y1) / 2)
-    side.append(
-        "on the left" if left > 0.2 * (y1 - y0) else "on the right" if left < -0.2 * (y1 - y0) else "in the middle"
-    )
-    side.append(f"at the front, near {_viewer(world)}" if far < 0 else f"at the back, away from {_viewer(world)}")
+    across, along = sides_of(world, index)
+    side = [
+        "in the middle" if across == "middle" else f"on the {across}",
+        f"at the front, near {_viewer(world)}" if along == "near" else f"at the back, away from {_viewer(world)}",
+    ]
     near = [
         i
         for i in range(len(world.things))

@@ -223,6 +223,66 @@ def test_a_row_at_a_side_of_the_table_is_a_straight_one_there(sentence, side):
     assert (x1 - x0, y1 - y0) == pytest.approx((x2 - x1, y2 - y1), abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("question", "state", "told", "not_told"),
+    [
+        (
+            "which cubes are on the right side of the table?",
+            "A",
+            ("blue", "orange cube is on the table"),
+            "red cube is",
+        ),
+        ("is the orange cube on the right?", "A", ("Yes",), "No"),
+        ("so which cube is furthest to the right now?", "A", ("The blue cube",), "cyan"),
+        ("which cubes are in the middle?", "A", ("yellow cube is", "cyan cube is", "gray cube is"), "red cube is"),
+        ("what have we got in the drawer and in the fridge?", "I", ("red cube", "yellow cube"), "Nothing"),
+        ("is there anything in the drawer or the fridge?", "I", ("Yes", "red cube", "yellow cube"), "No"),
+        ("is there anything in the drawer or the fridge?", "A", ("No",), "Yes"),
+        ("is the red cube in the drawer or on the table?", "A", ("on the table",), "drawer"),
+        ("are there any stacks on the table?", "S", ("Yes", "blue cube", "cyan cube"), "No"),
+        ("are there any stacks on the table?", "A", ("No",), "Yes"),
+        ("which cube is the lower one?", "S", ("The cyan cube",), "None"),
+        ("which one is the upper one?", "S", ("blue cube",), "None"),
+    ],
+)
+def test_what_is_asked_of_several_places_or_things_is_told_of_each(question, state, told, not_told):
+    outcome = said(question, state)
+    assert isinstance(outcome, Answer)
+    assert all(words in outcome.text for words in told)
+    assert not_told not in outcome.text
+
+
+def turns(*sentences, state="A"):
+    """The outcome of the last of some turns, and what its steps do with what."""
+    dialogue, world = Dialogue(), room(FACTS[state])
+    for sentence in sentences:
+        outcome = dialogue.answer(sentence, world)
+        world = dialogue.now
+    return outcome, [f"{step.verb} {NAMES[step.object]}" for step in outcome.steps]
+
+
+@pytest.mark.parametrize(
+    ("sentences", "state", "steps"),
+    [
+        (("has the button been pressed yet?", "then do that now"), "A", ["press button"]),
+        (("is the drawer open?", "do that then"), "A", ["open drawer"]),
+        (("has the drawer been closed already?", "then do it"), "B", ["close drawer"]),
+        (("which container is still empty?", "then it goes in the blue one"), "D", ["put_in red"]),
+        (("work the lever", "and take that last one back"), "A", ["switch lever"]),
+        (("pick up the gray cube and keep it in the air",), "A", ["lift gray"]),
+        (("get the yellow cube up off the table",), "A", ["lift yellow"]),
+    ],
+)
+def test_a_turn_takes_up_what_was_asked_or_done_before_it(sentences, state, steps):
+    assert turns(*sentences, state=state)[1] == steps
+
+
+def test_lifting_is_undone():
+    outcome, steps = turns("lift red up", "undo the lifting")
+    assert isinstance(outcome, Signal)
+    assert steps == ["pick_and_place red"]
+
+
 def test_a_number_is_corrected():
     assert place("Shift cyan 3 cm to the left, no, make that four")[1] == pytest.approx(0.0516 + 0.04, abs=0.005)
 
