@@ -539,6 +539,11 @@ def _both(one: Entity, other: Entity) -> Entity:
     return Entity("list", parts=(*(one.parts or (one,)), other), span=(one.span[0], other.span[1]))
 
 
+def is_mutual(place: RelationPhrase) -> bool:
+    """Whether a place says where several things are to each other: "next to each other"."""
+    return any(anchor.kind == "mutual" for anchor in place.anchors)
+
+
 def says_where(relation: RelationPhrase) -> bool:
     """Whether a relation may be the place where something goes."""
     return relation.name not in ("held", "bare", "not", "with", "of", "among")

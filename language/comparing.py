@@ -123,7 +123,7 @@ class Comparisons(SelfAnswers):
         """Say which stacks there are."""
         stacks = self._stacks()
         self.things = [i for stack in stacks for i in stack[::-1]]
-        told = "; ".join(f"{self.names(stack[::-1])}" for stack in stacks)
+        told = "; ".join(self.names(stack[::-1]) for stack in stacks)
         return f"yes: {told}, the upper first" if stacks else "no: nothing stands on another thing"
 
     def level(self, match: re.Match[str]) -> str | None:
@@ -131,8 +131,9 @@ class Comparisons(SelfAnswers):
         stacks = self._stacks()
         if len(stacks) != 1:
             return None
-        self.things = [stacks[0][0 if match[1] in ("lower", "lowest", "bottom") else -1]]
-        return self._told(self.things[0], "under" if self.things[0] == stacks[0][0] else "place")
+        lowest = match[1] in ("lower", "lowest")
+        self.things = [stacks[0][0 if lowest else -1]]
+        return self._told(self.things[0], "under" if lowest else "place")
 
     def highest(self, match: re.Match[str]) -> str | None:
         """Say which stack is the highest, or the lowest."""

@@ -33,7 +33,7 @@ from language.lattice import vocabulary
 from language.meanings import Gesture, Measure, Pointed, Reading, gestures
 from language.normalise import LONGEST_SENTENCE, normalised
 from language.objects import Scene
-from language.ordering import times, undone
+from language.ordering import asked_deed, times
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.questions import Questions
@@ -400,7 +400,7 @@ class Dialogue(Conditions):
             found = (self._filled(sentence, asked, index) for index in asked.candidates)
             return next((outcome for outcome in found if isinstance(outcome, Plan)), None)
         asked_of = self.turns[-1].sentence if self.turns and act == "yes" else ""
-        command = proposal(asked_of) or undone(asked_of)
+        command = proposal(asked_of) or asked_deed(asked_of)
         tried = self.copy()._command(command, ()) if command else None
         if isinstance(tried, Plan):
             return replace(tried, sentence=sentence)

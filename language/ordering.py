@@ -36,6 +36,9 @@ _LEFT_OUT = frozenset([",", "and", "but", "only", "then", "just"])  # beside a c
 _SOONER = frozenset(["earlier", "before", "sooner"])  # "but not earlier"
 _FIXED = frozenset(["button", "lever", "wheel", "drawer", "fridge"])
 _TIMES = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
+_WHETHER = re.compile(
+    r"^(?:has|have|is|are|was) (?!you\b|i\b)(?P<what>.+?)(?: been)? (?P<done>\w+)(?: yet| already| now)?$"
+)
 _JOINING = frozenset([",", ".", ";", "and", "then"])
 _LONGEST = 6  # words of a thing
 
@@ -120,12 +123,7 @@ def _done(found: Sequence[Token]) -> tuple[list[Token], int] | None:
     return None
 
 
-_WHETHER = re.compile(
-    r"^(?:has|have|is|are|was) (?!you\b|i\b)(?P<what>.+?)(?: been)? (?P<done>\w+)(?: yet| already| now)?$"
-)
-
-
-def undone(question: str) -> str | None:
+def asked_deed(question: str) -> str | None:
     """Return the command for the deed of which a question asks whether it is done: "has the button been pressed?"."""
     match = _WHETHER.match(" ".join(token.text for token in scan(question) if token.text.isalnum()))
     deed = _forms().get(match["done"]) if match else None

@@ -10,9 +10,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 from language import costs
+from language.chart import is_mutual
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.revising import only_verb, pinned, unfit
-from language.several import Several, is_mutual
+from language.several import Several
 from language.spots import a_name
 from language.steps import (
     BOXES,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from language import costs
 from language.absence import cleared
-from language.chart import Chart, Judge, says_where
+from language.chart import Chart, Judge, is_mutual, says_where
 from language.cheapest import Joined, cheapest
 from language.lattice import Item, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase, bound, needs_gesture, pointing_words
@@ -489,7 +489,7 @@ class _Sentences:
         """Return the clauses after their place: "in the drawer: the gray one", "between the two set the red cube"."""
         found = []
         begin = place.end + (self.lattice.text(place.end) in (":", ","))
-        mutual = any(anchor.kind == "mutual" for each in place.value for anchor in each.anchors)  # "touch two cubes"
+        mutual = any(map(is_mutual, place.value))  # "touch two cubes"
         verbs = [] if mutual else [(CARRYING, begin, costs.NO_VERB_BUT_PLACE + costs.NO_VERB * (begin == place.end))]
         verbs += [(e.value, e.end, e.cost) for e in self.lattice.get(begin, "verb") if KNOWN[e.value].act is Act.CARRY]
         for verb, start, cost in verbs:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from language import costs
+from language.chart import is_mutual
 from language.free_spots import GRID, SHARES, clear_of
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.movers import Movers
@@ -465,11 +466,6 @@ def _side_of(places: Sequence[RelationPhrase]) -> str:
     return next((side for side in ("left", "right") if side in named), "")
 
 
-def is_mutual(place: RelationPhrase) -> bool:
-    """Whether a place says where several things are to each other: "next to each other"."""
-    return any(anchor.kind == "mutual" for anchor in place.anchors)
-
-
 def towers_of(world: WorldModel, things: Sequence[int]) -> list[tuple[int, ...]]:
     """Return the towers, the lowest thing first, to which some things belong."""
     columns = [tuple(world.column(world.things[i].x, world.things[i].y)) for i in things]
@@ -506,11 +502,12 @@ def row_spots(
     (cx, cy), (hx, hy) = world.center, half or (0.0, 0.0)
     fits = (x0 - 1e-6 <= x) & (x <= x1 + 1e-6) & (y0 - 1e-6 <= y) & (y <= y1 + 1e-6)
     fits = (fits & ((x - cx) * hx + (y - cy) * hy >= 0)).all(axis=1)
-    for share in range(len(SHARES[world.cells])):
-        free = fits.copy()
-        for n in range(len(things)):  # those before it have left their places
-            boxes = tuple((*world.things[i][2:4], world.things[i].width) for i in standing if i not in things[: n + 1])
-            free &= clear_of(x[:, n], y[:, n], world.cells, boxes)[share]
+    masks = []  # (things, shares) of the begins
+    for n in range(len(things)):  # those before it have left their places
+        boxes = tuple((*world.things[i][2:4], world.things[i].width) for i in standing if i not in things[: n + 1])
+        masks.append(clear_of(x[:, n], y[:, n], world.cells, boxes))
+    for clear in zip(*masks, strict=True):
+        free = fits & np.all(clear, axis=0)
         if free.any():
             row = int(np.where(free, np.hypot(x[:, 0] - start[0], y[:, 0] - start[1]), np.inf).argmin())
             return list(zip(x[row].tolist(), y[row].tolist(), strict=True))
