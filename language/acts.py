@@ -345,6 +345,22 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"(?:a )?(cube|block|one|thing) (?:that|which) (.+?) [,:] (?:which|what) (?:one )?is (?:it|that)", r"which \1 \2"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?number of (.+)", r"how many \1"),
     (
+        r"how many (.+?) (?:are|is) (?:still |there )?left(?: over)?(?= (?:on|in|inside|at)\b|$)(.*)",
+        r"how many \1 are there\2",
+    ),
+    (r"is (?:(?:lid|door|cover) of )?((?:\w+ )?\w+?)(?: 's (?:lid|door|cover))? (?:lifted|raised)", r"is \1 open"),
+    (r"is (?:lid|door|cover) of (.+) up", r"is \1 open"),
+    (
+        r"what (?:is|does) ((?:\w+ )?(?:cube|block|one)) (?:carry|carrying|bear|bearing|support|supporting)",
+        r"what is on \1",
+    ),
+    (
+        r"(?:name|list|enumerate|describe)(?: me| for me| to me)?(?: all| every)?(?: your| my)? (?:objects?|things?|items?)"
+        r"(?: that| which)?(?: you (?:can )?see| here| on table| around| there (?:is|are))*",
+        "what do you see",
+    ),
+    (r"show (?:him|her|them|everyone|everybody|people|(?:my|our|a) \w+) where (.+?)(?: is| are)?", r"where is \1"),
+    (
         r"(?:name|state|report|describe|give(?: me)?) (?:a )?(?:position|location|place|whereabouts) of (.+)",
         r"where is \1",
     ),

@@ -18,7 +18,7 @@ from language import costs
 from language.free_spots import GRID, SHARES, clear_of, free_grid, grid
 from language.meanings import Entity, Measure, RelationPhrase
 from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
-from language.spots import MiddleDistance, Point, Spot, a_name, elsewhere, enclosed, facing, length_of, settle
+from language.spots import MiddleDistance, Point, Spot, a_name, elsewhere, enclosed, facing, left_place, length_of, settle
 from language.world import FIXED, Thing, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
@@ -405,7 +405,11 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
             ref = thing_ref(world, world.hand)
         if mover not in ref.things:
             anchor = ref.things[-1] if ref.things else None
-            made = _by_anchor(world, mover, relation, ref, alone)
+            left = left_place(resolver.first, world, anchor) if relation.name == "spot_of" and anchor is not None else None
+            if left is not None and left[2] is None:  # that a step before has moved
+                made = [_near_point(*left[:2], 0.03, f"the place of {a_name(world, ref.things[-1])}")]
+            else:
+                made = _by_anchor(world, mover, relation, ref, alone)
             found += [wish._replace(cost=wish.cost + ref.cost, anchor=anchor) for wish in made]
     return found
 
