@@ -23,7 +23,7 @@ _PICKING = frozenset({"superlative", "sides", "ordinal", "number"})  # what says
 _NAMES = "size role single other every both any ordinal last superlative number exposed vacant"
 _MODIFIERS = tuple(_NAMES.split())
 _AREAS = ("corner", "edge", "side", "center")
-_ONLY_PLACES = ("toward", "away", "into", "home", "spot_of")  # these say where a thing goes, not which one it is
+_ONLY_PLACES = ("toward", "away", "into", "home", "elsewhere", "spot_of")  # these say where a thing goes, not which one it is
 _SPACED = ("left", "right", "front", "behind", "near")  # with how far apart two things are
 MOST_RELATIONS = 3  # of one phrase
 MOST_EXCLUDED = 3  # things that are added to the first one of those that are excluded
@@ -392,12 +392,12 @@ class Chart:
                 if edge.end > start + 1 and relation.name == "on" and anchor.value.kind in _AREAS:
                     cost += costs.ON_TOP_OF_REGION
                 found.append(Item(anchor.end, relation, cost, anchor.skipped))
-        for category in ("held", "bare", "here", "into", "home"):
+        for category in ("held", "bare", "here", "into", "home", "elsewhere"):
             for edge in get(start, category):
                 span = (start, edge.end)
                 shown = category == "here" and self.lattice.gestures
                 anchors = (Entity("spot", pointed=start, span=span),) if shown else ()
-                cost = edge.cost + costs.BARE_PLACE * (category in ("into", "home"))
+                cost = edge.cost + costs.BARE_PLACE * (category in ("into", "home", "elsewhere"))
                 found.append(Item(edge.end, RelationPhrase(category, anchors, value=edge.value, span=span), cost))
         for edge in get(start, "mutual"):
             span = (start, edge.end)
@@ -464,7 +464,7 @@ class Chart:
                 relation: RelationPhrase = item.value
                 if relation.name == "from" and self.lattice.text(measure.end) == "away":
                     continue  # "3 cm away from it" is farther
-                if relation.measure is None and relation.name not in ("held", "bare", "here", "of", "into", "home"):
+                if relation.measure is None and relation.name not in ("held", "bare", "here", "of", "into", "home", "elsewhere"):
                     measured = RelationPhrase(
                         relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
                     )

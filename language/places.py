@@ -306,7 +306,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
             away = np.where(free, np.hypot(gx - nx, gy - ny), np.inf)
             at = int(away.argmin())
             near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]), default=None)
-            blocked = near is not None and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
+            blocked = near not in (None, world.below[mover]) and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
             x, y, said = float(gx[at]), float(gy[at]), max((wish.length for wish in wishes), default=0.0)
             moved = math.dist((x, y), (thing.x, thing.y)) if said and not world.cells else said
             note = elsewhere(world, near if blocked else None, moved, said) if away[at] > GRID else ""
@@ -386,6 +386,8 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         if world.column(x, y, mover):  # it stood on something
             return [_Wish(None, None, _anywhere, spot=settle(world, mover, Point(x, y, 0.0)))]
         return [_near_point(x, y, 0.05, "its old place")]
+    if relation.name == "elsewhere":
+        return [_aside(world, mover)]
     if relation.name == "into":
         return [_Wish(None, None, _anywhere, spot=enclosed(world, box, 0.0)) for box in resolver.boxes()]
     if relation.name == "between":
@@ -527,6 +529,12 @@ def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase,
 
 def _near_point(x: float, y: float, most: float, what: str) -> _Wish:
     return _Wish(x, y, lambda gx, gy: np.hypot(gx - x, gy - y) <= most, what=what)
+
+
+def _aside(world: WorldModel, mover: int) -> _Wish:
+    """Return where a thing is out of the way: not where it stands."""
+    x, y = world.things[mover].x, world.things[mover].y
+    return _Wish(x, y, lambda gx, gy: np.hypot(gx - x, gy - y) >= 0.1, what="another place")
 
 
 def _between(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[_Wish]:

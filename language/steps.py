@@ -158,7 +158,7 @@ class Steps:
         """Return what a verb does to a device, a container or the hand; None: nothing."""
         act, placed = (
             verb.act,
-            [each for each in clause.places if each.name not in ("direction", "home", "here", "into")],
+            [each for each in clause.places if each.name not in ("direction", "home", "elsewhere", "here", "into")],
         )
         if act in (*BOXES, Act.TOUCH):
             return act if act is Act.TOUCH or index in world.containers else None
