@@ -35,6 +35,9 @@ _BULLET = re.compile(
 )
 
 
+_ELLIPSIS = re.compile(r"\.{2,}|\u2026")  # a speaker hesitates: "next to... next to the red one"
+
+
 def normalised(sentence: str) -> list[Token]:
     """Return the plain words of a sentence. Raises NotUnderstood if it is too long."""
     if len(sentence) > LONGEST_SENTENCE:
@@ -44,7 +47,7 @@ def normalised(sentence: str) -> list[Token]:
         if _BULLET.search(sentence)
         else sentence
     )
-    found = scan(text)
+    found = scan(_ELLIPSIS.sub(lambda m: ",".ljust(len(m[0])), text))
     if len(found) > 2 * MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     while found and found[0].text in ".,;:!?":
@@ -115,7 +118,7 @@ def _undoubled(found: list[Token]) -> list[Token]:
             if (
                 one == two
                 and one[0].isalpha()
-                and not any(word in ".;!?" for word in one[1:-1])  # "it in the drawer. shut the drawer. shut ..."
+                and not any(word in ",.;!?" for word in one[1:-1])  # "it in the drawer. shut the drawer. shut ..."
                 and "very" not in one
                 and not (size == 1 and one[0] in ("no", "stop", "chop"))
             ):
@@ -247,7 +250,7 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
         return verbs[-1] if verbs else whole
     from language.words import FILLERS, colors, nouns
 
-    prepositions = set(phrases("in, on, into, to, onto, behind, under, near, left, right, from, between, next"))
+    prepositions = set(phrases("in, on, into, to, onto, behind, under, near, left, right, from, between, next, out"))
     heads = {noun for kinds in nouns().values() for noun in kinds} | set(colors())
     if first in prepositions:
         starts = [i for i in range(start, len(words)) if words[i] in prepositions]

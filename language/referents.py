@@ -268,7 +268,7 @@ class Anchors:
         """Return the referents to which the relation may hold: for "on" and the like, those of the same column."""
         if not ref.things or name in _SIDEWAYS or name in ("beside", "opposite") or ref.things[-1] in world.inside:
             return self.refs
-        if name == "with":
+        if name in ("with", "matching"):
             return self.refs
         chain, at = [], ref.things[0]
         neighbours = world.above if name in ("under", "with") else world.below
@@ -290,6 +290,9 @@ def _cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchor: Ref) ->
         return 0.0 if 0.5 * world.pitch < gap <= 1.3 * world.pitch else None
     if name == "under":
         return _on(world, anchor, ref)
+    if name == "matching":
+        colors = [{world.things[i].color for i in each.things} for each in (ref, anchor)]
+        return 0.0 if colors[0] == colors[1] and anchor.things else None
     if name == "with":
         return 0.0 if _in_box(world, anchor, ref) else _on(world, anchor, ref)
     if name == "opposite":
