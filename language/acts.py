@@ -23,7 +23,7 @@ _JOINS = (",", "and", "then", ";")
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
 _HOME = re.compile(
     r"\b(?:start|starting|initial|original|resting|rest|neutral|default|parking|base|first) "
-    r"(?:position|pose|point|place|posture|location)\b"
+    r"(?:position|pose|point|place|posture|location|configuration|stance)\b"
 )
 _A_BIT_BACK = re.compile(  # "too far, move it back a little"
     r"^(?:too (?:far|much) )?(?:(?:now |please )*(?:come|go|move|bring|put|push|pull|take)(?: it| that)? )?"
@@ -230,7 +230,9 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 # ---- Questions
 
 _OPENING = re.compile(
-    r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
+    r"^(?:(?:excuse me|pardon(?: me)?|sorry(?: to (?:bother|ask|disturb)(?: you)?)?"
+    r"|(?:just )?(?:one|a|quick|small)(?: quick| small| last)? question"
+    r"|by the way|and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
     rf"|{TELLING}|(?:do you |you )?have (?:you )?(?:any|an) idea|please tell me|tell me please|can you say"
     r"|(?:can|could|would|might|may|will) you (?:please )?tell me"
     r"|(?:can|could|would|will) you(?: please)?(?= (?:count|list|name|describe) (?!out\b))"
@@ -355,8 +357,9 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
         r"what is on \1",
     ),
     (
-        r"(?:name|list|enumerate|describe)(?: me| for me| to me)?(?: all| every)?(?: your| my)? (?:objects?|things?|items?)"
-        r"(?: that| which)?(?: you (?:can )?see| here| on table| around| there (?:is|are))*",
+        r"(?:name|list|enumerate|describe)(?: me| for me| to me)?(?: all| every)?(?: your| my)?"
+        r" (?:objects?|things?|items?)(?: that| which)?"
+        r"(?: you (?:can )?see| here| on table| around| there (?:is|are))*",
         "what do you see",
     ),
     (r"show (?:him|her|them|everyone|everybody|people|(?:my|our|a) \w+) where (.+?)(?: is| are)?", r"where is \1"),

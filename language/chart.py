@@ -23,7 +23,14 @@ _PICKING = frozenset({"superlative", "sides", "ordinal", "number"})  # what says
 _NAMES = "size role single other every both any ordinal last superlative number exposed vacant"
 _MODIFIERS = tuple(_NAMES.split())
 _AREAS = ("corner", "edge", "side", "center")
-_ONLY_PLACES = ("toward", "away", "into", "home", "elsewhere", "spot_of")  # these say where a thing goes, not which one it is
+_ONLY_PLACES = (
+    "toward",
+    "away",
+    "into",
+    "home",
+    "elsewhere",
+    "spot_of",
+)  # these say where a thing goes, not which one it is
 _SPACED = ("left", "right", "front", "behind", "near")  # with how far apart two things are
 MOST_RELATIONS = 3  # of one phrase
 MOST_EXCLUDED = 3  # things that are added to the first one of those that are excluded
@@ -464,7 +471,15 @@ class Chart:
                 relation: RelationPhrase = item.value
                 if relation.name == "from" and self.lattice.text(measure.end) == "away":
                     continue  # "3 cm away from it" is farther
-                if relation.measure is None and relation.name not in ("held", "bare", "here", "of", "into", "home", "elsewhere"):
+                if relation.measure is None and relation.name not in (
+                    "held",
+                    "bare",
+                    "here",
+                    "of",
+                    "into",
+                    "home",
+                    "elsewhere",
+                ):
                     measured = RelationPhrase(
                         relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
                     )

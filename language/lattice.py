@@ -116,7 +116,9 @@ class Lattice:
                     if verb.act not in self._acts:
                         continue
                     key = (at, (verb.act, verb.pulls))
-                elif not self.table and (category in ("into", "home", "elsewhere") or value in ("toward", "away", "spot_of")):
+                elif not self.table and (
+                    category in ("into", "home", "elsewhere") or value in ("toward", "away", "spot_of")
+                ):
                     continue
                 same = found.setdefault(category, {})
                 if key not in same or same[key].cost > cost:

@@ -18,8 +18,21 @@ from language import costs
 from language.free_spots import GRID, SHARES, clear_of, free_grid, grid
 from language.meanings import Entity, Measure, RelationPhrase
 from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
-from language.spots import MiddleDistance, Point, Spot, a_name, elsewhere, enclosed, facing, left_place, length_of, settle
-from language.world import FIXED, Thing, WorldModel
+from language.spots import (
+    MiddleDistance,
+    Point,
+    Spot,
+    a_name,
+    elsewhere,
+    enclosed,
+    end_of_reach,
+    facing,
+    is_one_side,
+    left_place,
+    length_of,
+    settle,
+)
+from language.world import FIXED, WorldModel
 
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
 
@@ -66,7 +79,7 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
     if relation.name == "direction":
         return _shifted(world, mover, relation)
     region = relation.anchors[0] if relation.anchors else Entity()
-    if relation.measure is not None and _is_one_side(region):  # "one square on the left"
+    if relation.measure is not None and is_one_side(region):  # "one square on the left"
         return _shifted(world, mover, replace(relation, value=region.sides[0]))
     if relation.name == "between":
         return _middle(resolver, mover, relation)
@@ -83,11 +96,6 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         group = number if len(points) > 1 else 0
         found += [point._replace(cost=point.cost + anchor.cost, group=group) for point in points]
     return found
-
-
-def _is_one_side(region: Entity) -> bool:
-    """Whether a region says in which direction a thing moves: "2 cm on the left"."""
-    return region.kind == "side" and len(region.sides) == 1 and region.sides[0] != "center"
 
 
 def _anchors(resolver: Resolver, relation: RelationPhrase, mover: int | None) -> list[Ref]:
@@ -280,7 +288,7 @@ def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, .
 
 def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 0.0) -> Spot:
     """Return the free spot that fits all wishes and is nearest to where they point."""
-    thing, (x0, x1, y0, y1) = world.things[mover], world.bounds
+    thing, under, (x0, x1, y0, y1) = world.things[mover], world.below[mover], world.bounds
     xs = [wish.x for wish in wishes if wish.x is not None] or [thing.x]
     ys = [wish.y for wish in wishes if wish.y is not None] or [thing.y]
     nx, ny = sum(xs) / len(xs), sum(ys) / len(ys)
@@ -306,7 +314,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
             away = np.where(free, np.hypot(gx - nx, gy - ny), np.inf)
             at = int(away.argmin())
             near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]), default=None)
-            blocked = near not in (None, world.below[mover]) and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
+            blocked = near not in (None, under) and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
             x, y, said = float(gx[at]), float(gy[at]), max((wish.length for wish in wishes), default=0.0)
             moved = math.dist((x, y), (thing.x, thing.y)) if said and not world.cells else said
             note = elsewhere(world, near if blocked else None, moved, said) if away[at] > GRID else ""
@@ -361,17 +369,8 @@ def _shifts(
         aside = np.abs(y - thing.y) if not dy else np.abs(x - thing.x) if not dx else 0.0 * x
         return ok & (aside <= np.maximum(0.03, 0.8 * (along_x + along_y)))
 
-    length, why = math.hypot(dx, dy) * said, _end_of_reach(world, thing, dx, dy) if said else ""
+    length, why = math.hypot(dx, dy) * said, end_of_reach(world, thing, dx, dy) if said else ""
     return [_Wish(thing.x + dx, thing.y + dy, fits, what="that place", length=length, why_not=why)]
-
-
-def _end_of_reach(world: WorldModel, thing: Thing, dx: float, dy: float) -> str:
-    """Return how far a thing can move in a direction, as the reason why it moves no further."""
-    (x0, x1, y0, y1) = world.bounds
-    rooms = [x1 - thing.x if dx > 0 else thing.x - x0] * bool(dx) + [y1 - thing.y if dy > 0 else thing.y - y0] * bool(
-        dy
-    )
-    return f"my reach ends after {100 * max(min(rooms), 0.0):.0f} cm that way"
 
 
 def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: bool, alone: bool) -> list[_Wish]:
@@ -396,7 +395,7 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         return []
     found: list[_Wish] = []
     region = relation.anchors[0]
-    if relation.measure is not None and _is_one_side(region):
+    if relation.measure is not None and is_one_side(region):
         return _shifts(world, mover, (replace(relation, name="direction", value=region.sides[0]),), False)
     if relation.name in ("toward", "away", "farthest") and region.kind == "person" and world.hand is not None:
         return [_along(world, mover, world.hand, relation, "the place near your hand")]
@@ -407,8 +406,8 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
             ref = thing_ref(world, world.hand)
         if mover not in ref.things:
             anchor = ref.things[-1] if ref.things else None
-            left = left_place(resolver.first, world, anchor) if relation.name == "spot_of" and anchor is not None else None
-            if left is not None and left[2] is None:  # that a step before has moved
+            left = left_place(resolver.first, world, anchor) if anchor is not None else None
+            if relation.name == "spot_of" and left is not None and left[2] is None:  # that a step before has moved
                 made = [_near_point(*left[:2], 0.03, f"the place of {a_name(world, ref.things[-1])}")]
             else:
                 made = _by_anchor(world, mover, relation, ref, alone)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest, extent, half_of, pair_of
+from language.spots import Rest, extent, half_of, matching, pair_of
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
@@ -282,8 +282,7 @@ class Anchors:
 def _cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchor: Ref) -> float | None:
     if anchor is ref or (anchor.things and anchor.things == ref.things):
         return None
-    name = relation.name
-    if name in _SIDEWAYS:
+    if (name := relation.name) in _SIDEWAYS:
         return _beside(world, ref, anchor, _SIDEWAYS[name], relation)
     if name == "beside":
         gap = distance(ref.x, ref.y, anchor)
@@ -291,8 +290,7 @@ def _cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchor: Ref) ->
     if name == "under":
         return _on(world, anchor, ref)
     if name == "matching":
-        colors = [{world.things[i].color for i in each.things} for each in (ref, anchor)]
-        return 0.0 if colors[0] == colors[1] and anchor.things else None
+        return matching(world, (*ref.things, *anchor.things))
     if name == "with":
         return 0.0 if _in_box(world, anchor, ref) else _on(world, anchor, ref)
     if name == "opposite":

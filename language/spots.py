@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from language import costs
 from language.meanings import Entity, Gesture, Measure, RelationPhrase
-from language.world import FLAT, WorldModel
+from language.world import FLAT, Thing, WorldModel
 
 NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
 MIDDLE = 0.125  # of a table's width or depth, from its middle, within which a thing is in neither half
@@ -193,3 +193,22 @@ def length_of(world: WorldModel, measure: Measure | None, default: float) -> flo
         return measure.number * world.pitch
     metres = measure.number * float(measure.unit)
     return metres if not world.cells else float(round(metres / 0.05))
+
+
+def end_of_reach(world: WorldModel, thing: Thing, dx: float, dy: float) -> str:
+    """Return how far a thing can move in a direction, as the reason why it moves no further."""
+    (x0, x1, y0, y1) = world.bounds
+    rooms = [x1 - thing.x if dx > 0 else thing.x - x0] * bool(dx) + [y1 - thing.y if dy > 0 else thing.y - y0] * bool(
+        dy
+    )
+    return f"my reach ends after {100 * max(min(rooms), 0.0):.0f} cm that way"
+
+
+def is_one_side(region: Entity) -> bool:
+    """Whether a region says in which direction a thing moves: "2 cm on the left"."""
+    return region.kind == "side" and len(region.sides) == 1 and region.sides[0] != "center"
+
+
+def matching(world: WorldModel, things: Sequence[int]) -> float | None:
+    """Return the cost of things of one colour, None where they are of several, or fewer than two."""
+    return 0.0 if len(things) > 1 and len({world.things[i].color for i in things}) == 1 else None

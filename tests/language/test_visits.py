@@ -70,6 +70,48 @@ def test_back_where_it_was_is_on_top_of_what_it_stood_on():
     assert (outcome.steps[-1].object, outcome.steps[-1].goal) == (ORANGE, YELLOW)
 
 
+def test_where_a_thing_was_is_where_it_stood_before_the_sentence():
+    world = room()
+    outcome = Dialogue().answer("put the yellow cube in the drawer and the cyan one where the yellow one was", world)
+    assert outcome.steps[-1].place == pytest.approx((world.things[YELLOW].x, world.things[YELLOW].y))
+
+
+@pytest.mark.parametrize("place", ["somewhere else", "aside", "to another place", "out of the way"])
+def test_elsewhere_is_a_place_away_from_where_a_thing_stands(place):
+    world = room()
+    outcome = Dialogue().answer(f"move the red cube {place}", world)
+    assert math.dist(outcome.steps[-1].place, (world.things[RED].x, world.things[RED].y)) > 0.09
+
+
+@pytest.mark.parametrize(
+    ("phrase", "thing"),
+    [
+        ("cube of the same colour as the fridge", RED),
+        ("cube whose color matches the fridge", RED),
+        ("left one of the red and the orange cube", RED),
+    ],
+)
+def test_a_cube_is_named_by_another_thing_of_its_colour_or_by_its_side_among_several(phrase, thing):
+    assert Dialogue().answer(f"pick up the {phrase}", room()).steps[-1].object == thing
+
+
+@pytest.mark.parametrize("opening", ["excuse me", "pardon me", "sorry to bother you", "one question"])
+def test_a_question_after_a_polite_opening_is_answered(opening):
+    assert isinstance(Dialogue().answer(f"{opening}, is the red cube still on the table?", room()), Answer)
+
+
+def test_a_step_is_not_lost_between_others_that_begin_alike():
+    dialogue = Dialogue()
+    opened = dialogue.answer("open the fridge and the drawer", room())
+    outcome = dialogue.answer("touch the fridge, close the fridge, close the drawer", opened.result)
+    assert [step.object for step in outcome.steps] == [FRIDGE, FRIDGE, DRAWER]
+
+
+def test_a_deed_that_a_clause_of_time_tells_keeps_its_place():
+    steps = Dialogue().answer("press the button after red is stacked on yellow", room()).steps
+    assert [(step.object, step.goal) for step in steps[-2:]] == [(RED, YELLOW), (BUTTON, None)]
+
+
 def test_one_tower_is_not_built_where_two_are_asked_for():
     assert not isinstance(Dialogue().answer("make two towers of two cubes", room()), Plan)
 
