@@ -243,10 +243,11 @@ def summary(book: RowBook, older: Callable[[ReproducedRow], bool]) -> dict[str, 
         runs = runs or list(former_runs(book.older.get(row.id, {"values": ()})))
         runs.sort(key=lambda run: run["value"] * (-1 if row.at_most else 1))
         measured = book.measured(row)
+        made = any(book.result(measured, seed) for seed in measured.seeds)
         entries[row.id] = {
             "label": row.label,
             "bar": row.bar,
-            "state": state if runs else "not run",
+            "state": state if runs else "not reached" if made else "not run",
             "seeds": len(measured.seeds),
             "runs": runs,
             "command": " && ".join(book.commands(measured, measured.seeds[0])),
@@ -313,7 +314,7 @@ def cells(row: ReproducedRow, entry: dict[str, Any], short: bool) -> list[str]:
     runs, label = entry["runs"], str(row.readme) if short else row.label
     bar = "" if row.bar is None else f"{row.bar:g}"
     if not runs:
-        return [label, "not run", "", ""] if short else [label, "not run", bar, "", "", ""]
+        return [label, entry["state"], "", ""] if short else [label, entry["state"], bar, "", "", ""]
     values = [shown(row, run["value"]) for run in runs]
     if runs[0].get("interval"):
         values[0] += " ({}-{})".format(*(shown(row, bound) for bound in runs[0]["interval"]))
