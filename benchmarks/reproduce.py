@@ -243,11 +243,12 @@ def summary(book: RowBook, older: Callable[[ReproducedRow], bool]) -> dict[str, 
         runs = runs or list(former_runs(book.older.get(row.id, {"values": ()})))
         runs.sort(key=lambda run: run["value"] * (-1 if row.at_most else 1))
         measured = book.measured(row)
-        made = any(book.result(measured, seed) for seed in measured.seeds)
+        if not runs:
+            state = "not reached" if any(book.result(measured, seed) for seed in measured.seeds) else "not run"
         entries[row.id] = {
             "label": row.label,
             "bar": row.bar,
-            "state": state if runs else "not reached" if made else "not run",
+            "state": state,
             "seeds": len(measured.seeds),
             "runs": runs,
             "command": " && ".join(book.commands(measured, measured.seeds[0])),

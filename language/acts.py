@@ -350,8 +350,11 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
         r"how many (.+?) (?:are|is) (?:still |there )?left(?: over)?(?= (?:on|in|inside|at)\b|$)(.*)",
         r"how many \1 are there\2",
     ),
-    (r"is (?:(?:lid|door|cover) of )?((?:\w+ )?\w+?)(?: 's (?:lid|door|cover))? (?:lifted|raised)", r"is \1 open"),
-    (r"is (?:lid|door|cover) of (.+) up", r"is \1 open"),
+    (
+        r"is (?:(?:lid|door|cover) of )?((?:\w+ )?(?:drawer|fridge|refrigerator))(?: 's (?:lid|door|cover))?"
+        r" (?:up|lifted|raised)",
+        r"is \1 open",
+    ),
     (
         r"what (?:is|does) ((?:\w+ )?(?:cube|block|one)) (?:carry|carrying|bear|bearing|support|supporting)",
         r"what is on \1",

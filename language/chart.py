@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from language import costs
-from language.lattice import Item, Lattice
+from language.lattice import BARE_PLACES, Item, Lattice
 from language.meanings import Entity, Measure, RelationPhrase
 from language.spots import MiddleDistance
 from language.words import ENCLOSING, REGIONS
@@ -23,14 +23,7 @@ _PICKING = frozenset({"superlative", "sides", "ordinal", "number"})  # what says
 _NAMES = "size role single other every both any ordinal last superlative number exposed vacant"
 _MODIFIERS = tuple(_NAMES.split())
 _AREAS = ("corner", "edge", "side", "center")
-_ONLY_PLACES = (
-    "toward",
-    "away",
-    "into",
-    "home",
-    "elsewhere",
-    "spot_of",
-)  # these say where a thing goes, not which one it is
+_ONLY_PLACES = ("toward", "away", *BARE_PLACES, "spot_of")  # these say where a thing goes, not which one it is
 _SPACED = ("left", "right", "front", "behind", "near")  # with how far apart two things are
 MOST_RELATIONS = 3  # of one phrase
 MOST_EXCLUDED = 3  # things that are added to the first one of those that are excluded
@@ -399,12 +392,12 @@ class Chart:
                 if edge.end > start + 1 and relation.name == "on" and anchor.value.kind in _AREAS:
                     cost += costs.ON_TOP_OF_REGION
                 found.append(Item(anchor.end, relation, cost, anchor.skipped))
-        for category in ("held", "bare", "here", "into", "home", "elsewhere"):
+        for category in ("held", "bare", "here", *BARE_PLACES):
             for edge in get(start, category):
                 span = (start, edge.end)
                 shown = category == "here" and self.lattice.gestures
                 anchors = (Entity("spot", pointed=start, span=span),) if shown else ()
-                cost = edge.cost + costs.BARE_PLACE * (category in ("into", "home", "elsewhere"))
+                cost = edge.cost + costs.BARE_PLACE * (category in BARE_PLACES)
                 found.append(Item(edge.end, RelationPhrase(category, anchors, value=edge.value, span=span), cost))
         for edge in get(start, "mutual"):
             span = (start, edge.end)
@@ -471,15 +464,7 @@ class Chart:
                 relation: RelationPhrase = item.value
                 if relation.name == "from" and self.lattice.text(measure.end) == "away":
                     continue  # "3 cm away from it" is farther
-                if relation.measure is None and relation.name not in (
-                    "held",
-                    "bare",
-                    "here",
-                    "of",
-                    "into",
-                    "home",
-                    "elsewhere",
-                ):
+                if relation.measure is None and relation.name not in ("held", "bare", "here", "of", *BARE_PLACES):
                     measured = RelationPhrase(
                         relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
                     )

@@ -34,6 +34,7 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
 LIMITING = frozenset(phrases(TABLE["limiting"]))  # words that no reading may leave out
 FLOORS = frozenset(phrases(TABLE["floors"]))
 HARMLESS = FILLERS | frozenset(TABLE["harmless"].split())  # words of phrases that alone change nothing
+BARE_PLACES = ("into", "home", "elsewhere")  # where a thing goes, in words that name nothing else
 STRANGERS = frozenset(phrases(TABLE["strangers"])) | LIMITING  # words that are no misspelling of another
 CONTENT = frozenset(
     phrases(
@@ -116,9 +117,7 @@ class Lattice:
                     if verb.act not in self._acts:
                         continue
                     key = (at, (verb.act, verb.pulls))
-                elif not self.table and (
-                    category in ("into", "home", "elsewhere") or value in ("toward", "away", "spot_of")
-                ):
+                elif not self.table and (category in BARE_PLACES or value in ("toward", "away", "spot_of")):
                     continue
                 same = found.setdefault(category, {})
                 if key not in same or same[key].cost > cost:

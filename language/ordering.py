@@ -116,7 +116,7 @@ def _done(found: Sequence[Token]) -> tuple[list[Token], int] | None:
         at += 1
     thing = found[:copula]
     if at < len(words) and words[at] in _forms():
-        end = _end(words, at + 2) if words[at + 1 : at + 2] and words[at + 1] in _PLACES else at + 1
+        end = _end(words, at + 2) if _PLACES & set(words[at + 1 : at + 2]) else at + 1
         return [found[at]._replace(text=_forms()[words[at]]), *thing, *found[at + 1 : end]], end
     if at < len(words) and words[at] in _PLACES:
         end = _end(words, at + 1)

@@ -406,8 +406,9 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
             ref = thing_ref(world, world.hand)
         if mover not in ref.things:
             anchor = ref.things[-1] if ref.things else None
-            left = left_place(resolver.first, world, anchor) if anchor is not None else None
-            if relation.name == "spot_of" and left is not None and left[2] is None:  # that a step before has moved
+            asked = relation.name == "spot_of" and ref.things
+            left = left_place(resolver.first, world, ref.things[-1]) if asked else None
+            if left is not None and left[2] is None:  # that a step before has moved
                 made = [_near_point(*left[:2], 0.03, f"the place of {a_name(world, ref.things[-1])}")]
             else:
                 made = _by_anchor(world, mover, relation, ref, alone)

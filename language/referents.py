@@ -13,13 +13,14 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest, extent, half_of, matching, pair_of
+from language.spots import Rest, extent, half_of, pair_of
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
 _fields = attrgetter(*(name for name in Entity.__slots__ if name != "span"))  # phrases that share these mean the same
 TIE = 0.1  # pitches: distances and coordinates this close are equal
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
+_ANYWHERE = (*_SIDEWAYS, "beside", "opposite", "with", "matching")  # relations to things that stand anywhere
 _SELECTING = ("nearest", "farthest", "near")
 _LOCATING = ("on", "over", "in", "at", "to", "of", "from")
 
@@ -266,12 +267,10 @@ class Anchors:
 
     def candidates(self, world: WorldModel, ref: Ref, name: str) -> list[Ref]:
         """Return the referents to which the relation may hold: for "on" and the like, those of the same column."""
-        if not ref.things or name in _SIDEWAYS or name in ("beside", "opposite") or ref.things[-1] in world.inside:
-            return self.refs
-        if name in ("with", "matching"):
+        if not ref.things or name in _ANYWHERE or ref.things[-1] in world.inside:
             return self.refs
         chain, at = [], ref.things[0]
-        neighbours = world.above if name in ("under", "with") else world.below
+        neighbours = world.above if name == "under" else world.below
         while at is not None:
             chain.append(at)
             at = neighbours[at]  # type: ignore[assignment]
@@ -282,15 +281,16 @@ class Anchors:
 def _cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchor: Ref) -> float | None:
     if anchor is ref or (anchor.things and anchor.things == ref.things):
         return None
-    if (name := relation.name) in _SIDEWAYS:
+    name = relation.name
+    if name in _SIDEWAYS:
         return _beside(world, ref, anchor, _SIDEWAYS[name], relation)
     if name == "beside":
-        gap = distance(ref.x, ref.y, anchor)
-        return 0.0 if 0.5 * world.pitch < gap <= 1.3 * world.pitch else None
+        return 0.0 if 0.5 * world.pitch < distance(ref.x, ref.y, anchor) <= 1.3 * world.pitch else None
     if name == "under":
         return _on(world, anchor, ref)
     if name == "matching":
-        return matching(world, (*ref.things, *anchor.things))
+        things = (*ref.things, *anchor.things)
+        return 0.0 if len(things) > 1 and len({world.things[i].color for i in things}) == 1 else None
     if name == "with":
         return 0.0 if _in_box(world, anchor, ref) else _on(world, anchor, ref)
     if name == "opposite":

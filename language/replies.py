@@ -200,7 +200,7 @@ class Replies(Recollections):
         stays = [name(world, i) for i in kept if not only and not any(step.object == i for step in steps)]
         note = f"{' and '.join(stays)} cannot be moved back" if stays else ""
         what = name(world, only[0]) if len(only) == 1 else "everything"
-        if not steps and any(world.inside.get(i) is not None and i in world.home for i in only):
+        if not steps and any(i in world.inside and i in world.home for i in only):
             return None  # it was moved before the conversation: back to its home
         if not steps:
             return Answer(sentence, 1.0, text=f"{what.capitalize()} is where it was at first{note and f', but {note}'}")

@@ -207,8 +207,3 @@ def end_of_reach(world: WorldModel, thing: Thing, dx: float, dy: float) -> str:
 def is_one_side(region: Entity) -> bool:
     """Whether a region says in which direction a thing moves: "2 cm on the left"."""
     return region.kind == "side" and len(region.sides) == 1 and region.sides[0] != "center"
-
-
-def matching(world: WorldModel, things: Sequence[int]) -> float | None:
-    """Return the cost of things of one colour, None where they are of several, or fewer than two."""
-    return 0.0 if len(things) > 1 and len({world.things[i].color for i in things}) == 1 else None

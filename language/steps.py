@@ -8,6 +8,7 @@ from typing import Any
 
 from language import costs
 from language.errors import NotUnderstood
+from language.lattice import BARE_PLACES
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.objects import HAND
 from language.outcomes import Step
@@ -158,7 +159,7 @@ class Steps:
         """Return what a verb does to a device, a container or the hand; None: nothing."""
         act, placed = (
             verb.act,
-            [each for each in clause.places if each.name not in ("direction", "home", "elsewhere", "here", "into")],
+            [each for each in clause.places if each.name not in ("direction", "here", *BARE_PLACES)],
         )
         if act in (*BOXES, Act.TOUCH):
             return act if act is Act.TOUCH or index in world.containers else None

@@ -100,6 +100,11 @@ def test_a_question_after_a_polite_opening_is_answered(opening):
     assert isinstance(Dialogue().answer(f"{opening}, is the red cube still on the table?", room()), Answer)
 
 
+def test_only_what_has_a_lid_is_open_when_it_is_up():
+    assert Dialogue().answer("is the lid of the fridge up?", room()).text.startswith("No")
+    assert Dialogue().answer("is the red cube lifted?", room()).text.startswith("No: the red cube is on the table")
+
+
 def test_a_step_is_not_lost_between_others_that_begin_alike():
     dialogue = Dialogue()
     opened = dialogue.answer("open the fridge and the drawer", room())

@@ -106,6 +106,16 @@ def test_what_is_missing_is_run_once_and_written_into_the_page(project):
     assert not (project / "outputs" / "reproduce" / "plain" / "good" / "0").exists()
 
 
+def test_a_figure_that_no_run_has_is_not_reached(project):
+    rows = project / "benchmarks" / "rows.yaml"
+    other = "  - {id: plain/seconds, label: seconds to 0.95, of: plain/good, figure: seconds.to, interval: ''}\n"
+    rows.write_text(ROWS.replace("  - {id: plain/slow", other + "  - {id: plain/slow"))
+    reproduce(project, "--rows", "plain/good")
+    page = (project / "page.md").read_text()
+    assert "| seconds to 0.95 | not reached |" in page
+    assert "| slow | not run |" in page
+
+
 @pytest.mark.slow
 def test_a_killed_run_goes_on_by_its_own_resume(project):
     process = subprocess.Popen(command(project, "--rows", "plain/slow"), cwd=ROOT, stdout=subprocess.DEVNULL)
