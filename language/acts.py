@@ -229,6 +229,17 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 
 # ---- Questions
 
+_CHECKED = re.compile(  # "the drawer is empty, no?"
+    r"^([^,.;:!?]*\b(?:is|are|was|were|has|have)\b(?! to\b)[^,.;:!?]*),?\s*\b(?:no|nope|yes|yeah|eh|huh|correct|true)\s*\?\W*$",
+    re.I,
+)
+
+
+def with_plain_tag(sentence: str) -> str:
+    """Return a statement that a tag asks about with the tag that questions have: "it is empty, is it not?"."""
+    return _CHECKED.sub(r"\1, is it not?", sentence)
+
+
 _OPENING = re.compile(
     r"^(?:(?:excuse me|pardon(?: me)?|sorry(?: to (?:bother|ask|disturb)(?: you)?)?"
     r"|(?:just )?(?:one|a|quick|small)(?: quick| small| last)? question"
@@ -302,6 +313,8 @@ _FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
 _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
 _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
+    (r"what (?:kind|kinds|sort|sorts|type|types) of (?:things|stuff|tasks|jobs) (?:can|could) (?:i|we) (?:ask|tell|get) you to do", "what can you do"),
+    (r"what (?:have|did) you got? (?:lying|standing|sitting)(?: around| about)? (?:on|here)\b.*", "what do you see"),
     (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),
     (rf"(?:in )?what {_HOW_IT_IS} (?:is|are) (.+?)(?: in| at)?", r"how is \1"),
     (rf"what (?:has|is|does) ({_FIXED}) (?:got|have|hold|contain|hide|store)(?: {_IN_IT})?", r"what is in \1"),

@@ -24,6 +24,7 @@ from language.acts import (
     question,
     says,
     says_nothing,
+    with_plain_tag,
     without_idle,
 )
 from language.conditions import Conditions
@@ -112,7 +113,7 @@ class Dialogue(Conditions):
     def _recalling(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
         """Return the outcome of a sentence that may tell things and places by what was said and done before."""
         text, places = (sentence, ()) if self.control_word(sentence) else self.recalled(fluent(sentence))
-        text = on_sides_of(without_names(text), self.now.viewpoint)
+        text = with_plain_tag(on_sides_of(without_names(text), self.now.viewpoint))
         outcome = self._answer(text, (*made, *places))
         return outcome if text == sentence else replace(outcome, sentence=sentence, unused=(), span=(0, len(sentence)))
 

@@ -114,7 +114,7 @@ class Lattice:
                 category = "verb" if category == "inflected" else category
                 if category in ("verb", "done"):
                     verb = KNOWN[value]
-                    if verb.act not in self._acts:
+                    if verb.act not in self._acts or self._tells_how(start):
                         continue
                     key = (at, (verb.act, verb.pulls))
                 elif not self.table and (category in BARE_PLACES or value in ("toward", "away", "spot_of")):
@@ -133,6 +133,11 @@ class Lattice:
         if number is not None:
             edges.setdefault("number", []).append(Edge(start + 1, "number", number, 0.0))
         return edges
+
+    def _tells_how(self, index: int) -> bool:
+        """Whether a word that is also a verb tells how something is: "too close", "close to the edge"."""
+        degree = index > 0 and self.tokens[index - 1].text in ("too", "very", "way")
+        return degree or (self.tokens[index].text == "close" and self.text(index + 1) == "to")
 
     # ---- Words that are left out between phrases
 
@@ -255,8 +260,6 @@ def _split_up(found: list[Token]) -> list[Token]:
 @cache
 def _two_words(word: str) -> tuple[str, str] | None:
     """Return two known words that a word consists of; None: it does not, or is a known word with an error."""
-    if word in STRANGERS:
-        return None
     if word in STRANGERS:
         return None
     if any(cost <= costs.SPELLING for _, cost in spellings(word)) and not word.startswith(

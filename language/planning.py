@@ -199,6 +199,9 @@ class Planner(Several):
             elif plan.topic is not None:
                 put = Clause(CARRY, plan.topic.entity, clause.places, span=clause.span)
                 yield from self._after(replace(plan, topic=None), put, last)
+            elif plan.world.held is not None and not plan.world.cells:  # "into the drawer please"
+                held = Entity(pointed=Gesture((plan.world.held,)), span=clause.span)
+                yield from self._after(plan, Clause(CARRY, held, clause.places, span=clause.span), last)
             else:
                 yield replace(plan, failure="that says where, but not what", reason="what", entity=None)
             return
@@ -217,7 +220,8 @@ class Planner(Several):
         refs = self._refs(plan, clause, entity)
         things = [ref.things[-1] for ref in refs if ref.things]
         devices = bool(things) and all(i in plan.world.devices for i in things)
-        if devices and (plan.steps or not last):  # "first the lever, then the wheel"
+        carried = before is not None and before.act is Act.CARRY and not entity.noun  # "..., and the cyan one far right"
+        if devices and not carried and (plan.steps or not last):  # "first the lever, then the wheel"
             yield from self._after(plan, replace(clause, verb=next(iter(DEVICE_VERBS))), last)
         elif entity.kind in ("it", "person") or not things:
             yield replace(

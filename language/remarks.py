@@ -49,7 +49,10 @@ _OBLIGED = (
     r"|(?:needs?|wants?|could do with) (?:a )?\w+ing|had better|(?:can|could|may|might)(?: as well)? (?:go|stand|sit)"
     r"|(?:can|could|would|will|may) (?:you|we|it|they|someone))\b"
 )
-_WISH = r"\b(?:i|we) (?:\w+ )?(?:want|need|like|love|prefer|wish|require|appreciate)\b|\blet (?:me|us) have (?!a )"
+_WISH = (
+    r"\b(?:i|we) (?:\w+ )?(?:want|need|like|love|prefer|wish|require|appreciate)\b|\blet (?:me|us) have (?!a )"
+    r"|\b(?:she|he|they|my \w+) (?:would like|wants?|needs?) (?!to |it\b)"
+)
 _CLOSING = "regards|wishes|sincerely|greetings|faithfully|truly|yours|thanks|cheers|love"
 _SIGNED = re.compile(
     rf"(?:^|(?<=[.,;!?] ))(?:(?:best|kind|kindest|warm|many|with|yours|all) )*(?:{_CLOSING}) "

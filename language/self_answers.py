@@ -109,6 +109,8 @@ class SelfAnswers(ABC):
         entity, things = self.refs(asked["what"]) if asked else (None, [])
         if asked and things and entity is not None and (entity.kind == "it" or entity.noun or entity.colors):
             acts = acts_of(asked["verb"])
+            if not {Act.OPEN, Act.SHUT, Act.OPERATE, Act.TOUCH} & set(acts):
+                things = [i for i in things if self.world.is_loose(i)] or things  # "did you put the red one away?"
             steps = [step for _, plan in plans for step in plan.steps if step.object in things]
             done = any(is_done(step, acts) for step in steps) if acts else bool(steps)
             return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"

@@ -43,6 +43,10 @@ _REGION = re.compile(
     rf"(?P<of>(?: of| on) {_TABLE})?(?P<after>{_AFTER})(?P<last>(?: of| on) {_TABLE})?(?!\w)"
 )
 _CENTER = re.compile(rf"\b{_TABLE} 's (?:very |exact )?(center|centre|middle)\b")
+_QUARTER = re.compile(  # "to the back left of the table"; "far left" is rather the extreme left
+    r"\b(?P<before>to|at|in|on|into|towards?) (?:very )?(?P<sides>(?:front|back|rear) (?:left|right))(?: hand)?"
+    rf"(?: (?:side|part|area|region|section|quarter))?(?: (?:of|on) {_TABLE})?(?=$| [.;,!?]| (?:and|then|please)\b)"
+)
 _ONE_SIDE = re.compile("|".join(f"(?P<{side}>{words})" for side, words in _SIDES.items()))
 
 # Direction -> how it is said; several that follow each other are one direction, across the two.
@@ -110,6 +114,7 @@ def plain_regions(found: list[Token]) -> list[Token]:
         (_IN_FRONT, lambda match: "in front of"),
         (_BEHIND, lambda match: "behind"),
         (_REGION, _region),
+        (_QUARTER, lambda match: f"{match['before']} {match['sides']} corner of table"),
         (_CENTER, lambda match: f"{match[1]} of table"),
         (_RUN, _direction),
     )
