@@ -457,7 +457,8 @@ CONDITION = re.compile(
     r" ?(?:then )?(?P<do>.+?)"
     r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
     r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "
-    r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+)$"
+    r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+?)"
+    r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else2>.+))?$"
 )
 SAME = re.compile(
     r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|equivalent|that|it|repeat)"

@@ -136,7 +136,7 @@ def conditional(text: str) -> Conditional | None:
         match["how"] or match["how1"],
         _done_already(match["if"] or match["if2"], does),
         does,
-        match["else"] or "",
+        match["else"] or match["else2"] or "",
         _joined(steps[last:]),
         leads,
     )

@@ -418,7 +418,7 @@ class Dialogue(Conditions):
             end = later[0] if later else len(parts) - 1
             words = " , ".join(" ".join(each.words) for each in parts[at : end + 1])
             asked = question(words + parts[end].mark)
-            any_one = re.match(r"(?:any|some)(?:thing|one|body)?\b(?! chance| way| possib)", words)
+            any_one = re.match(r"(?:any|some)(?:thing|one|body)?\b(?! chance| way| possib| left| put| has| forgot)", words)
             if asked is None and parts[end].mark == "?" and any_one:  # "anything red here?"
                 asked = question(f"is there {words}")
             if asked is not None and ABLE.match(asked) and _CERTAIN.search(sentence):  # "can you stack the cubes?"

@@ -300,7 +300,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
         fits &= wish.fits(gx, gy)
     what = next((wish.what for wish in wishes if wish.what), "there")
     if not fits.any():
-        why = next((wish.why_not for wish in wishes if wish.why_not), f"{what} is outside what the arm reaches")
+        why = next((wish.why_not for wish in wishes if wish.why_not), f"my arm does not reach {what}")
         return Spot(nx, ny, world.ground, None, cost, why)
     others = [i for each in world._standing.values() for i in each if i != mover]
     taken = [i for i in others if world.is_loose(i) or world.covers(*world.things[i][2:4])]

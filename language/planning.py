@@ -126,7 +126,9 @@ class Planner(Several):
             act = clause.act
         if act is Act.EMPTY and clause.entity is not None and clause.entity.kind == "robot":  # "empty your gripper"
             clause, act = Clause(doing(Act.LOWER), span=clause.span), Act.LOWER
-        if plan.failure or (act is Act.OPERATE and _names_it(plan, clause)):  # "the red wheel, turn it"
+        if plan.topic is not None and act is not None and self._repeats(plan, clause):  # "the drawer: open the drawer"
+            plan = replace(plan, topic=None)
+        if plan.failure or (act is Act.OPERATE and self._names_it(plan, clause)):  # "the red wheel, turn it"
             yield plan
         elif (other := unfit(plan.world, clause)) and not clause.negated:
             yield replace(plan, failure=other, reason="impossible")
@@ -185,6 +187,20 @@ class Planner(Several):
 
     # ---- Clauses without a verb, and such that nobody can carry out
 
+    def _names_it(self, plan: Draft, clause: Clause) -> bool:
+        """Whether the words before a clause only named what it operates, which is done already."""
+        last, spoken = plan.last, clause.entity is not None and clause.entity.kind == "it"
+        operated = bool(plan.steps) and plan.steps[-1].act is Act.OPERATE
+        named = operated and last is not None and last.act is None and last.entity is not None
+        return named and (spoken or self._repeats(plan, clause))
+
+    def _repeats(self, plan: Draft, clause: Clause) -> bool:
+        """Whether a clause names as its object what the words before it only named."""
+        if clause.entity is None or clause.entity.kind != "thing" or plan.world.cells:
+            return False
+        refs = self._refs(plan, clause, clause.entity)
+        return len(refs) == 1 and len(plan.it) == 1 and refs[0].things[-1:] == plan.it
+
     def _fragment(self, plan: Draft, clause: Clause, last: bool) -> Iterator[Draft]:
         """Yield what a clause without a verb adds: a topic for the next one, or the object or place of the former."""
         entity, before = clause.entity, plan.last
@@ -205,23 +221,17 @@ class Planner(Several):
             else:
                 yield replace(plan, failure="that says where, but not what", reason="what", entity=None)
             return
-        regions = ("corner", "edge", "side", "center", "board", "person")
-        if plan.topic is not None and entity.kind in regions:  # "blue cube: left edge"
-            put = Clause(
-                CARRY, plan.topic.entity, (RelationPhrase("at", (entity,), span=entity.span),), span=clause.span
-            )
-            yield from self._after(replace(plan, topic=None), put, last)
-            return
-        if plan.topic is not None and self._is_box(plan, entity):  # "blue cube, drawer"
-            into = RelationPhrase("in", (entity,), span=entity.span)
-            put = Clause(CARRY, plan.topic.entity, (into,), span=clause.span)
+        if plan.topic is not None and (place := self._as_place(plan, entity)) is not None:
+            put = Clause(CARRY, plan.topic.entity, (place,), span=clause.span)
             yield from self._after(replace(plan, topic=None), put, last)
             return
         refs = self._refs(plan, clause, entity)
         things = [ref.things[-1] for ref in refs if ref.things]
         devices = bool(things) and all(i in plan.world.devices for i in things)
         carried = before is not None and before.act is Act.CARRY and not entity.noun  # "..., and the cyan one far right"
-        if devices and not carried and (plan.steps or not last):  # "first the lever, then the wheel"
+        if last and entity.kind == "thing" and self._is_done(plan, before, things):
+            yield plan  # "open the drawer, the blue one"
+        elif devices and not carried and (plan.steps or not last):  # "first the lever, then the wheel"
             yield from self._after(plan, replace(clause, verb=next(iter(DEVICE_VERBS))), last)
         elif entity.kind in ("it", "person") or not things:
             yield replace(
@@ -238,6 +248,19 @@ class Planner(Several):
             it = tuple(dict.fromkeys(things)) if many else tuple(things[:1])
             cost = refs[0].cost if last else 0.0  # what is done with it counts how well it fits
             yield replace(plan, topic=clause, it=it, mentioned=it, cost=plan.cost + cost)
+
+    def _is_done(self, plan: Draft, before: Clause | None, things: list[int]) -> bool:
+        """Whether the clause before named one thing, which is done with and may be one of these."""
+        done = {step.object for step in plan.steps}
+        if plan.world.cells or before is None or before.entity is None or not done or not done <= set(things[:2]):
+            return False
+        return len(self._refs(plan, before, before.entity)) == 1
+
+    def _as_place(self, plan: Draft, entity: Entity) -> RelationPhrase | None:
+        """Return what is named after a thing as its place: "blue cube: left edge", "blue cube, drawer"."""
+        if entity.kind in ("corner", "edge", "side", "center", "board", "person"):
+            return RelationPhrase("at", (entity,), span=entity.span)
+        return RelationPhrase("in", (entity,), span=entity.span) if self._is_box(plan, entity) else None
 
     def _same_again(self, plan: Draft, clause: Clause, before: Clause) -> Iterator[Draft]:
         """Yield the plan in which a fragment says more about the object of the clause before, or repeats its verb."""
@@ -332,13 +355,6 @@ def _spoken(clause: Clause) -> bool:
     named = any(a.kind == "it" for place in clause.places for a in place.anchors)
     there = any(place.name in ("here", "into") and not place.anchors for place in clause.places)
     return named or there or (clause.entity is not None and clause.entity.kind == "it")
-
-
-def _names_it(plan: Draft, clause: Clause) -> bool:
-    """Whether the words before a clause only named what it operates, which is done already."""
-    last, spoken = plan.last, clause.entity is not None and clause.entity.kind == "it"
-    operated = bool(plan.steps) and plan.steps[-1].act is Act.OPERATE
-    return spoken and operated and last is not None and last.act is None and last.entity is not None
 
 
 def _touched_next(before: Clause | None, clause: Clause) -> Clause | None:

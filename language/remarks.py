@@ -32,7 +32,7 @@ _DOES = (
     rf"(?:{_IS}|likes?|loves?|hates?|forgot|put|bought|found|saw|left|thinks?|came|comes?|went|wants?|needs?|told|said"
     r"|says|promise|hopes?|knows?|bet|keeps?|gets?|got|makes?|made|(?:do|does|did|can|could) not|can|could|did|lost"
     r"|spilt|see|cannot|play|plays|cleans?|cook|work|wipe|watch|trust|read|sleep|melts?|spoils?|trips?|ran|runs?|just"
-    r"|arrives?|leaves?|wakes?|returns?|starts?|begins?|will|already|still|always|never|really|[a-z]{3,}ed)"
+    r"|(?<=nobody )\w+s|(?<=no one )\w+s|arrives?|leaves?|wakes?|returns?|starts?|begins?|will|already|still|always|never|really|[a-z]{3,}ed)"
 )
 _REMARK = re.compile(
     r"^(?:(?:but|and|so|that|because|since|now|well|also|or|else|as|before|until|in case|otherwise|when|after) )*"

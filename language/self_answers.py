@@ -25,7 +25,7 @@ from language.world import WorldModel
 
 _DEED = re.compile(
     r"(?:did|have) (?:you|we|i) (?:already |just |ever |really |even )*(?P<verb>\w+(?: (?:up|down|out|off))?)"
-    r" (?P<what>.+?)(?: yet| already| before| again| up| down)*$"
+    r" (?P<what>.+?)(?: yet| already| before| again| up| down| away| back)*$"
 )
 _MORE = re.compile(
     r"\b(?:doing|made|worth|used|standing|sitting|lying|resting|\w+(?:est|most))\b| (?:on|in|under|to|of|at|for)$"

@@ -27,6 +27,7 @@ from language.verbs import Act
 from language.world import WorldModel
 
 _NEARBY = ("near", "left", "right", "front", "behind", "under", "opposite", "away")  # relations that always matter
+PLAIN = (*LIMITING, "tell")  # words that no refusal calls unknown
 PERSONS = ("me", "us", "myself", "him", "her", "lady", "them", "someone")
 ONE_AT_A_TIME = (GRIPS_ONE, "holds one thing", "only one thing")  # why several things cannot be together
 _TELLING = ("nothing", "impossible", "already", "which")  # failures that are reported in preference to another reading
@@ -570,7 +571,7 @@ def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
     """Return the refusal of a sentence without any reading."""
     tokens = lattice.tokens
     words = [token.text for token in tokens]
-    strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown) if words[i] not in LIMITING]
+    strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown) if words[i] not in PLAIN]
     if strange:
         many = f"I do not know the words {' '.join(strange[:5])!r}"
         text = _below(words) or (f"I do not know the word {strange[0]!r}" if len(strange) == 1 else many)

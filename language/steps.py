@@ -381,6 +381,8 @@ class Steps:
     def _places(self, clause: Clause, plan: Draft, index: int) -> tuple[RelationPhrase, ...]:
         """Return where the clause says that the thing goes; without what says where it comes from."""
         places = tuple(each for each in clause.places if each.name != "from" or plan.world.cells or each.measure)
+        if len(places) > 1 and places[0].name == "here" and not places[0].anchors:  # "over there, by the red one"
+            places = places[1:]
         if clause.act in TAKING and not plan.world.cells:
             places = tuple(each for each in places if each.value != "up")
         if places or clause.act not in (Act.GIVE, Act.UNSTACK, Act.CARRY):

@@ -114,7 +114,7 @@ def plain_regions(found: list[Token]) -> list[Token]:
         (_IN_FRONT, lambda match: "in front of"),
         (_BEHIND, lambda match: "behind"),
         (_REGION, _region),
-        (_QUARTER, lambda match: f"{match['before']} {match['sides']} corner of table"),
+        (_QUARTER, _quarter),
         (_CENTER, lambda match: f"{match[1]} of table"),
         (_RUN, _direction),
     )
@@ -154,6 +154,13 @@ def _region(match: re.Match[str]) -> str | None:
         return None
     at = "at " if match["beside"] else ""
     return f"{at}{' '.join([*along, *across])} {'corner' if corner else 'edge'} of table"
+
+
+def _quarter(match: re.Match[str]) -> str | None:
+    """Return two sides as a corner; None if they may say which thing is meant: "hand me the cube at the front left"."""
+    goes = match["before"] in ("to", "into", "toward", "towards")
+    moved = re.search(r"\b(?:put|place|set|lay|leave|stand|drop|move|goes|go|belongs)\b", match.string[: match.start()])
+    return f"{match['before']} {match['sides']} corner of table" if goes or moved else None
 
 
 def _once(match: re.Match[str]) -> str | None:
