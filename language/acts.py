@@ -230,14 +230,23 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 # ---- Questions
 
 _CHECKED = re.compile(  # "the drawer is empty, no?"
-    r"^([^,.;:!?]*\b(?:is|are|was|were|has|have)\b(?! to\b)[^,.;:!?]*),?\s*\b(?:no|nope|yes|yeah|eh|huh|correct|true)\s*\?\W*$",
+    r"^([^,.;:!?]*\b(?:is|are|was|were|has|have)\b(?! to\b)[^,.;:!?]*),?\s*"
+    r"\b(?:no|nope|yes|yeah|eh|huh|correct|true)\s*\?\W*$",
     re.I,
 )
 
 
-def with_plain_tag(sentence: str) -> str:
-    """Return a statement that a tag asks about with the tag that questions have: "it is empty, is it not?"."""
-    return _CHECKED.sub(r"\1, is it not?", sentence)
+_MEASURED = re.compile(  # "correction, make that 5 centimetres"
+    r"^\W*(?:(?:no|correction|actually|wait|sorry|better)\W+)*make (?:it|that|this)(?: just| only)? "
+    r"(?=(?:\d\S*|one|two|three|four|five|six|seven|eight|nine|ten) ?(?:cm|mm|centi|milli|inch))"
+    r"(?P<length>.*?)(?:\W+(?:instead|rather))?\W*$",
+    re.I | re.S,
+)
+
+
+def plainly(sentence: str) -> str:
+    """Return a statement with a tag as the question that it is, and "make it 5 cm" as the correction that it is."""
+    return _MEASURED.sub(r"no, \g<length>", _CHECKED.sub(r"\1, is it not?", sentence))
 
 
 _OPENING = re.compile(
@@ -312,8 +321,9 @@ _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
 _FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
 _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
 _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
+_TASKS = r"(?:things|stuff|tasks|jobs)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
-    (r"what (?:kind|kinds|sort|sorts|type|types) of (?:things|stuff|tasks|jobs) (?:can|could) (?:i|we) (?:ask|tell|get) you to do", "what can you do"),
+    (rf"what (?:kind|sort|type)s? of {_TASKS} (?:can|could) (?:i|we) (?:ask|tell|get) you to do", "what can you do"),
     (r"what (?:have|did) you got? (?:lying|standing|sitting)(?: around| about)? (?:on|here)\b.*", "what do you see"),
     (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),
     (rf"(?:in )?what {_HOW_IT_IS} (?:is|are) (.+?)(?: in| at)?", r"how is \1"),

@@ -20,11 +20,11 @@ from language.acts import (
     act_of,
     beside_home,
     parts_of,
+    plainly,
     proposal,
     question,
     says,
     says_nothing,
-    with_plain_tag,
     without_idle,
 )
 from language.conditions import Conditions
@@ -71,6 +71,7 @@ _CERTAIN = re.compile(r"\b(?:the|those|these|all|both|two|three|four|my|your|ple
 _LEAVES = re.compile(
     r"\b(?:leave|keep) (?:it|that|this|them) (?:in|on|at|next|near|beside|behind|between|under|left|right)\b"
 )
+_ANY = re.compile(r"(?:any|some)(?:thing|one|body)?\b(?! chance| way| possib| left| put| has| forgot)")
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
 
@@ -113,7 +114,7 @@ class Dialogue(Conditions):
     def _recalling(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
         """Return the outcome of a sentence that may tell things and places by what was said and done before."""
         text, places = (sentence, ()) if self.control_word(sentence) else self.recalled(fluent(sentence))
-        text = with_plain_tag(on_sides_of(without_names(text), self.now.viewpoint))
+        text = plainly(on_sides_of(without_names(text), self.now.viewpoint))
         outcome = self._answer(text, (*made, *places))
         return outcome if text == sentence else replace(outcome, sentence=sentence, unused=(), span=(0, len(sentence)))
 
@@ -418,8 +419,7 @@ class Dialogue(Conditions):
             end = later[0] if later else len(parts) - 1
             words = " , ".join(" ".join(each.words) for each in parts[at : end + 1])
             asked = question(words + parts[end].mark)
-            any_one = re.match(r"(?:any|some)(?:thing|one|body)?\b(?! chance| way| possib| left| put| has| forgot)", words)
-            if asked is None and parts[end].mark == "?" and any_one:  # "anything red here?"
+            if asked is None and parts[end].mark == "?" and _ANY.match(words):  # "anything red here?"
                 asked = question(f"is there {words}")
             if asked is not None and ABLE.match(asked) and _CERTAIN.search(sentence):  # "can you stack the cubes?"
                 asked = None

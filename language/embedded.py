@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 
 _ASKER = (  # "might I trouble you to", "would you be so good as to", "who can"
-    r"(?:might|may|could|can|would|will|i|we|you|trouble|ask|bother|be|so|very|good|kind|as|enough|to|please|who|some ?body"
-    r"|someone|any ?body|anyone|was|am|wondering|wonder|if|like|love|want|for|able|is|it|possible|mind|kindly|just|need)"
+    r"(?:might|may|could|can|would|will|i|we|you|trouble|ask|bother|be|so|very|good|kind|as|enough|to|please|who"
+    r"|some ?body|someone|any ?body|anyone|was|am|wondering|wonder|if|like|love|want|for|able|is|it|possible|mind"
+    r"|kindly|just|need)"
 )
 TELLING = (  # what comes before a question that is asked within another sentence
-    rf"(?:{_ASKER} )*tell(?:ing)? (?:me|us|everyone|everybody)|let (?:me|us) see(?! what (?:do|did) (?:i|we)\b)|say|do you know|do you happen to know|any idea|i wonder|i am wondering|i was wondering|i want to know"
+    rf"(?:{_ASKER} )*tell(?:ing)? (?:me|us|everyone|everybody)|let (?:me|us) see(?! what (?:do|did) (?:i|we)\b)"
+    r"|say|do you know|do you happen to know|any idea|i wonder|i am wondering|i was wondering|i want to know"
     r"|i would like to know|let me know|do you remember|remind me|explain"
 )
 _TELLS = (

@@ -228,7 +228,7 @@ class Planner(Several):
         refs = self._refs(plan, clause, entity)
         things = [ref.things[-1] for ref in refs if ref.things]
         devices = bool(things) and all(i in plan.world.devices for i in things)
-        carried = before is not None and before.act is Act.CARRY and not entity.noun  # "..., and the cyan one far right"
+        carried = before is not None and before.act is Act.CARRY and not entity.noun  # "and the cyan one far right"
         if last and entity.kind == "thing" and self._is_done(plan, before, things):
             yield plan  # "open the drawer, the blue one"
         elif devices and not carried and (plan.steps or not last):  # "first the lever, then the wheel"

@@ -32,11 +32,12 @@ _DOES = (
     rf"(?:{_IS}|likes?|loves?|hates?|forgot|put|bought|found|saw|left|thinks?|came|comes?|went|wants?|needs?|told|said"
     r"|says|promise|hopes?|knows?|bet|keeps?|gets?|got|makes?|made|(?:do|does|did|can|could) not|can|could|did|lost"
     r"|spilt|see|cannot|play|plays|cleans?|cook|work|wipe|watch|trust|read|sleep|melts?|spoils?|trips?|ran|runs?|just"
-    r"|(?<=nobody )\w+s|(?<=no one )\w+s|arrives?|leaves?|wakes?|returns?|starts?|begins?|will|already|still|always|never|really|[a-z]{3,}ed)"
+    r"|(?<=nobody )\w+s|(?<=no one )\w+s"
+    r"|arrives?|leaves?|wakes?|returns?|starts?|begins?|will|already|still|always|never|really|[a-z]{3,}ed)"
 )
 _REMARK = re.compile(
     r"^(?:(?:but|and|so|that|because|since|now|well|also|or|else|as|before|until|in case|otherwise|when|after) )*"
-    rf"(?:{_PERSON} {_DOES}|everything [a-z]{{3,}}s|(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+)? {_IS}"
+    rf"(?:{_PERSON} {_DOES}|everything [a-z]{{3,}}s|(?:all )?(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+){{0,2}} {_IS}"
     rf"|{_THING}(?: {_THING})? {_IS}"
     rf"|(?!{_THING}\b)[a-z]\w+ (?:keeps?|wants?|likes?|says|said|thinks|hates|loves|arrives?|comes?|leaves?|wakes?))\b"
 )
@@ -98,7 +99,7 @@ _UNSURE = re.compile(r"(?:i|we) (?:forgot|thought|know|said)\b")
 _SUBJECT = (
     r"(?:i|we|you|he|she|they|it|that|this|these|those|there|what|too|so|such|no|not|just|my \w+|your \w+|our \w+|his"
     r" \w+|her \w+|their \w+|everyone|everybody|nobody|people|life|man|dude|boy|(?:ha)+h?|(?:he){2,}|(?:hi){2,}|lol"
-    r"|lmao|rofl|xd|ugh|argh|phew|if (?:you|i|we) (?!\w+ed\b))"
+    r"|lmao|rofl|xd|ugh|argh|phew|if (?:you|i|we) (?!\w+ed\b)|\w+ (?:'s|is|are) \w+ing\b)"
 )
 _LIMITS = (  # words that change what is to be done
     r"(?:only|except|without|instead|unless|until|but not|rather|same|other|others|another|more|less|again|every|each"

@@ -72,7 +72,7 @@ def settle(world: WorldModel, mover: int, point: Point) -> Spot:
     top = column[-1] if column else None
     x, y, cost = point.x, point.y, point.cost
     if top is None:
-        why = "" if world.covers(x, y) else "my arm does not reach that place"
+        why = "" if world.covers(x, y) else "that place is outside the board"
         if point.on is not None:
             why = "that is what shall be moved"
         return Spot(x, y, world.ground, None, cost, why)

@@ -508,7 +508,7 @@ class Steps:
         verb = self._verb(plan.world, clause, on)
         marked = spot.anchor is not None and plan.world.things[spot.anchor].target
         step = Step(verb, index, spot.anchor if on is None and marked else on, (spot.x, spot.y), spot.bottom)
-        notes = (*plan.notes, spot.note) if spot.note else plan.notes
+        notes = tuple(dict.fromkeys((*plan.notes, spot.note))) if spot.note else plan.notes
         box = on if on in plan.world.containers else plan.box
         return replace(
             self._added(plan, step),

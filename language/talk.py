@@ -36,7 +36,8 @@ def foreign(words: Sequence[str], known: set[str] | frozenset[str]) -> str:
         table, sentence = set(text.split()), TABLE["english_only"][language]
         hits = sum(word in table for word in words)
         odd = sum(word in table for word in strange)
-        if odd and hits >= 2 and hits >= 0.5 * len(words) and hits + odd > best:
+        written = odd > 1 or words[0] in table  # "grab the bleu cube" is English
+        if odd and written and hits >= 2 and hits >= 0.5 * len(words) and hits + odd > best:
             best, said = hits + odd, sentence
     return said
 
