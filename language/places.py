@@ -561,7 +561,8 @@ def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref)
     if name in _SIDEWAYS and area.kind == "board":
         return [_side_wish(world, [_SIDEWAYS[name]], False)]
     if area.kind == "center":
-        return [_near_point(*world.center, 0.12, "the middle of the table")]
+        inner, outer = (_near_point(*world.center, most, "the middle of the table") for most in (0.06, 0.12))
+        return [inner, outer._replace(cost=1.0)]  # the outer one is for several things
     if area.kind == "board" and name != "under":
         return [_Wish(thing.x, thing.y, _anywhere, what="the table")]
     if area.kind in ("corner", "edge", "side") and (

@@ -151,6 +151,8 @@ class Planner(Several):
             yield self._build(plan, clause)
         elif self._means_several(plan, clause):
             yield self._each(plan, clause)
+        elif (moved := self._tower_moved(plan, clause)) is not None:
+            yield moved
         else:
             for mover in self._movers(plan, clause):
                 done = [mover] if mover.failure or mover.mover is None else self._act(mover, clause)

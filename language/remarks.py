@@ -37,7 +37,7 @@ _DOES = (
 )
 _REMARK = re.compile(
     r"^(?:(?:but|and|so|that|because|since|now|well|also|or|else|as|before|until|in case|otherwise|when|after) )*"
-    rf"(?:{_PERSON} {_DOES}|everything [a-z]{{3,}}s|(?:all )?(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+){{0,2}} {_IS}"
+    rf"(?:{_PERSON} {_DOES}|everything [a-z]{{3,}}s|(?:all )?(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+)? {_IS}"
     rf"|{_THING}(?: {_THING})? {_IS}"
     rf"|(?!{_THING}\b)[a-z]\w+ (?:keeps?|wants?|likes?|says|said|thinks|hates|loves|arrives?|comes?|leaves?|wakes?))\b"
 )

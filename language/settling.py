@@ -118,7 +118,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         return refused(sentence, found, world)
     top = found.possible[0]
     tidying = [c for c in found.failed if _tidies(c, top)]
-    lasts = [c.reading.steps[-1] for c in found.failed if not c.reading.unused]
+    lasts = [c.reading.steps[-1] for c in (*found.possible, *found.failed) if not c.reading.unused]
     moves = any(last.act is Act.CARRY and last.places for last in lasts)  # "shift the cube 20 cm to the right"
     never = [c for c in found.failed if c.plan.reason == "never" and not (moves and c.plan.failure == "unturnable")]
     settled_by = [*tidying, *never, *(c for c in found.failed if _is_so(c))]  # whatever else might be meant

@@ -21,6 +21,7 @@ from language.revising import pinned
 from language.spots import Point, Spot, a_name, place_at, settle
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle
 from language.verbs import Act, doing
+from language.words import ENCLOSING
 from language.world import WorldModel
 
 CLOSE = 1.7  # widths between the middles of things up to which one is next to the other already
@@ -430,7 +431,36 @@ class Several(Movers):
         if plan.failure:
             return plan
         found = list(self._handled(replace(plan, mover=index), Clause(CARRY, None, places), index))
-        return min(found, key=lambda done: (bool(done.failure), done.cost))
+        nowhere = replace(plan, failure="no place fits", reason="nowhere")
+        return min(found, key=lambda done: (bool(done.failure), done.cost), default=nowhere)
+
+    def _tower_moved(self, plan: Draft, clause: Clause) -> Draft | None:
+        """Return the plan that moves a whole tower: what stands on its lowest thing waits beside it, and follows."""
+        entity, world = clause.entity, plan.world
+        if clause.act is not Act.CARRY or entity is None or entity.kind != "stack" or not clause.places or world.cells:
+            return None
+        towers = towers_of(world, [ref.things[-1] for ref in self._refs(plan, clause, entity) if ref.things])
+        if len(towers) != 1 or world.held is not None:
+            return None
+        if any(anchor.noun in ENCLOSING for place in clause.places for anchor in place.anchors):
+            return replace(plan, failure="only one thing fits in there at a time", reason="impossible")
+        sides = (RelationPhrase("at", (Entity("side", sides=(side,)),)) for side in ("left", "right", "near", "far"))
+        waiting = [ON_TABLE, *((side,) for side in sides)]
+        return min((self._tower_put(plan, towers[0], clause, each) for each in waiting), key=_trouble)
+
+    def _tower_put(
+        self, plan: Draft, tower: Sequence[int], clause: Clause, waiting: tuple[RelationPhrase, ...]
+    ) -> Draft:
+        """Return the plan that puts a tower somewhere. waiting: where its upper things are put before."""
+        done = plan
+        for index in tower[:0:-1]:
+            done = self._placed_once(done, index, waiting)
+        before = done.cost
+        done = self._placed_once(done, tower[0], clause.places)
+        cost = plan.cost + done.cost - before
+        for lower, upper in pairwise(tower):
+            done = self._placed_once(done, upper, (place_at(lower, "on"),))
+        return replace(done, cost=cost, it=tuple(tower), topic=None)
 
     def _lined(self, plan: Draft, things: Sequence[int], places: tuple[RelationPhrase, ...]) -> Draft:
         """Return the plan of a straight row from left to right, or along a side from the front to the back."""
@@ -464,6 +494,11 @@ def _side_of(places: Sequence[RelationPhrase]) -> str:
     named = {side for place in places for anchor in place.anchors for side in anchor.sides}
     named |= {place.name for place in places if [anchor.kind for anchor in place.anchors] == ["board"]}
     return next((side for side in ("left", "right") if side in named), "")
+
+
+def _trouble(plan: Draft) -> tuple[bool, int, float]:
+    """Return how much goes otherwise than was meant; for comparisons."""
+    return bool(plan.failure), len(plan.notes), plan.cost
 
 
 def towers_of(world: WorldModel, things: Sequence[int]) -> list[tuple[int, ...]]:

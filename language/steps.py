@@ -166,7 +166,8 @@ class Steps:
         if act is Act.HOLD:
             return Act.TOUCH
         if index in world.devices:
-            return Act.OPERATE if act is Act.OPERATE or (act is Act.CARRY and not placed) else None
+            far = any(each.measure is not None and each.measure.unit != "bit" for each in clause.places)
+            return Act.OPERATE if not far and (act is Act.OPERATE or (act is Act.CARRY and not placed)) else None
         if index in world.containers:
             lid = clause.entity is not None and clause.entity.noun == "lid"
             down = any(each.value == "down" for each in clause.places)
