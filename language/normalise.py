@@ -11,9 +11,13 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from rapidfuzz.distance import OSA
+
 from core.safe_files import read_yaml
 from language.arrangements import arranged
+from language.colors import COLORS
 from language.errors import NotUnderstood
+from language.objects import NOUNS
 from language.ordering import ordered, repeated
 from language.remarks import without_remarks
 from language.scanning import COLOR, Token, said, scan, verb_words
@@ -52,7 +56,7 @@ def normalised(sentence: str) -> list[Token]:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     while found and found[0].text in ".,;:!?":
         del found[0]
-    found = _undoubled(_of_program(sentence, _trimmed(without_restarts(found))))
+    found = _undoubled(_of_program(sentence, _spelled(_trimmed(without_restarts(found)))))
     found = _unframed(arranged(rewritten(plain_regions(found), wordings()["orders"])))
     found = repaired(rewritten(found, wordings()["repairs"]))
     found = _unframed(without_remarks(ordered(found)))
@@ -62,6 +66,30 @@ def normalised(sentence: str) -> list[Token]:
     if len(found) > MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     return _trimmed(found)
+
+
+@cache
+def _named() -> frozenset[str]:
+    """Return the plainest words that name things, their colours and places."""
+    kinds = {*NOUNS, "block", "brick", "thing", "tower", "table", "corner", "middle"}
+    return frozenset(word for word in (*kinds, *(f"{kind}s" for kind in kinds), *COLORS) if len(word) > 3)
+
+
+@cache
+def _spelling(word: str) -> str:
+    """Return what a word surely is that has a letter too many or too few, or two letters swapped; "blok": "block"."""
+    from language.lattice import STRANGERS, vocabulary
+
+    if len(word) < 4 or not word.isalpha() or word in STRANGERS or word in vocabulary():
+        return word
+    near = [name for name in _named() if name[0] == word[0] and OSA.distance(name, word, score_cutoff=1) == 1]
+    near = [name for name in near if len(name) != len(word) or sorted(name) == sorted(word)]
+    return near[0] if len(near) == 1 else word
+
+
+def _spelled(found: list[Token]) -> list[Token]:
+    """Return the words with the names of things and colours as they are spelled, so that every rule knows them."""
+    return [token._replace(text=_spelling(token.text)) for token in found]
 
 
 _CALL = re.compile(r"\w\(|\w\[|_\w|\b(?:drawer|fridge|table|cube|gripper|button|lever|wheel|hand|arm|robot)\.\w")
