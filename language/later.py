@@ -14,7 +14,7 @@ _DOES = r"(?:says?|tells?|leaves?|comes?|arrives?|returns?|calls?|claps?|whistle
 _AFTER_THAT = r"(?: (?:so|go|now|home|back|stop|it|hands?|you|out|away))*"
 _LATER = re.compile(
     rf"\b(?:tomorrow(?! ?'s)|tonight|(?:this|in) (?:evening|afternoon)|next (?:{_UNIT}|year|{_DAY})|(?:on |by )?{_DAY}"
-    rf"|at (?:noon|midnight|{_NUMBER} (?:am|pm|o ?'? ?clock))|(?:after|before|at) {_MEAL}"
+    rf"|at (?:noon|midnight|{_NUMBER} (?:am|pm|o ?'? ?clock))|(?:after|at) {_MEAL}"
     rf"|(?:in|after|within) {_MANY}+{_UNIT}|{_MANY}*{_UNIT} (?:from now|later)"
     rf"|wait (?:for )?(?!(?:a|another) {_UNIT}){_MANY}+{_UNIT}|every {_MANY}*(?:{_UNIT}|morning|evening|night|{_DAY})"
     rf"|(?:when|whenever|once|as soon as|after) {_WHO} {_DOES}{_AFTER_THAT}"

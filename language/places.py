@@ -560,6 +560,10 @@ def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref)
         return [_near_point(area.x, area.y, 0.12, "that place")]
     if name in _SIDEWAYS and area.kind == "board":
         return [_side_wish(world, [_SIDEWAYS[name]], False)]
+    if area.kind == "center" and relation.measure is not None:  # "a bit towards the middle"
+        dx, dy = world.center[0] - thing.x, world.center[1] - thing.y
+        share = min(length_of(world, relation.measure, world.pitch) / max(math.hypot(dx, dy), 1e-6), 1.0)
+        return [_near_point(thing.x + share * dx, thing.y + share * dy, 0.05, "the way to the middle")]
     if area.kind == "center":
         inner, outer = (_near_point(*world.center, most, "the middle of the table") for most in (0.06, 0.12))
         return [inner, outer._replace(cost=1.0)]  # the outer one is for several things

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from language import Answer, Dialogue, Plan, Refusal
@@ -65,6 +66,10 @@ def test_behind_and_to_the_left_of_a_thing_is_both():
         ("press the button, wait until it settles, then turn the wheel", [("press", BUTTON), ("turn", WHEEL)]),
         ("open the drawer, all the cold air is getting out", [("open", DRAWER)]),
         ("make the wheel go round and round", [("turn", WHEEL)]),
+        ("press it, the grey button", [("press", BUTTON)]),
+        ("the wheel has to be turned before lunch", [("turn", WHEEL)]),
+        ("the drawer ought to have the red cube in it", [("open", DRAWER), ("put_in", RED)]),
+        ("opne the drwer and put the blok in red colour in it", [("open", DRAWER), ("put_in", RED)]),
         ("open the drawer if it's shut, otherwise close it", [("open", DRAWER)]),
     ],
 )
@@ -104,3 +109,24 @@ def test_all_cubes_find_room_around_the_middle():
     outcome = Dialogue().answer("gather all of the cubes in the middle of the table", world)
     assert isinstance(outcome, Plan)
     assert len(outcome.notes) == len(set(outcome.notes))
+
+
+def test_where_it_was_is_where_the_thing_before_stood():
+    world = room()
+    outcome = Dialogue().answer("move the red cube over to the right and put the yellow one where it was", world)
+    assert outcome.steps[-1].object == YELLOW
+    assert outcome.steps[-1].place == pytest.approx((world.things[RED].x, world.things[RED].y), abs=0.02)
+
+
+def test_a_bit_towards_the_middle_is_a_bit():
+    world = room()
+    outcome = Dialogue().answer("the red cube is too close to the edge of the table", world)
+    moved = np.subtract(outcome.steps[-1].place, (world.things[RED].x, world.things[RED].y))
+    assert 0.01 < np.hypot(*moved) < 0.08
+    assert moved[1] * world.things[RED].y < 0
+
+
+@pytest.mark.parametrize(("held", "begins"), [({}, "Yes"), ({RED: DRAWER}, "No")])
+def test_whether_there_is_room_is_told(held, begins):
+    outcome = Dialogue().answer("is there still room in the drawer?", replace(room(), inside=held))
+    assert outcome.text.startswith(begins)
