@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from language import costs
 from language.free_spots import GRID, SHARES, clear_of, free_grid, grid
 from language.meanings import Entity, Measure, RelationPhrase
-from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
+from language.referents import Ref, Resolver, distance, relation_cost, spot, thing_ref
 from language.spots import (
     MiddleDistance,
     Point,
@@ -87,7 +87,7 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         return []
     found: list[Point] = []
     for number, anchor in enumerate(_anchors(resolver, relation, mover if typed else None), 1):
-        if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
+        if mover in anchor.things:
             continue
         key = (mover, relation.name, relation.value, relation.measure, anchor[:4])
         if key not in resolver.points:
@@ -125,7 +125,7 @@ def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]
 def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) -> list[Point]:
     """Return the points in a relation to one anchor."""
     name = relation.name
-    if world.cells and relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
+    if relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
         return _beside(world, mover, anchor, "far" if name == "over" else "near", relation.measure)
     if name in _SIDEWAYS and anchor.kind == "board":  # "two squares to the left of the board"
         return _shifted(world, mover, replace(relation, name="direction", value=_SIDEWAYS[name]))
@@ -134,7 +134,7 @@ def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) ->
     if name in ("near", "nearest"):
         return _around(world, mover, anchor)
     if anchor.things:
-        if name == "farthest" or relation.measure is not None:  # nothing is two cells on a thing
+        if relation.measure is not None:  # nothing is two cells on a thing
             return []
         onto = None if world.things[anchor.things[-1]].target else anchor.things[-1]  # a see-through thing is a place
         return [Point(anchor.x, anchor.y, 0.0, onto)] if name in ONTO else []
@@ -170,7 +170,7 @@ def _apart(world: WorldModel, width: float, measure: Measure | None) -> float:
 
 def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Point]:
     thing = world.things[mover]
-    if relation.value in ("up", "down") and world.cells and relation.measure is not None:
+    if relation.value in ("up", "down") and relation.measure is not None:
         relation = replace(relation, value="far" if relation.value == "up" else "near")
     if relation.value in ("up", "top", "down"):
         return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
@@ -204,26 +204,21 @@ def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Po
         if mover in one.things + other.things or one.things == other.things:
             continue
         x, y = (one.x + other.x) / 2, (one.y + other.y) / 2
-        if resolver.world.cells and (x != int(x) or y != int(y)):
-            x, y = float(round(x)), float(round(y))
-        found.append(Point(x, y, one.cost + other.cost, free=True))
+        found.append(Point(float(round(x)), float(round(y)), one.cost + other.cost, free=True))
     return found
 
 
 def _also(resolver: Resolver, mover: int, points: list[Point], relation: RelationPhrase) -> list[Point]:
     """Return the points that are in a further relation, too."""
     world = resolver.world
-    if relation.name == "direction" and relation.value in ("up", "top", "down"):
-        return points
     if relation.name == "direction":
         sides = Entity("side", sides=(relation.value or "left",))
         relation = RelationPhrase("at", (sides,))
     if not relation.anchors:
         return points
-    if relation.name in ("nearest", "near", "farthest") or (relation.anchors[0].kind in ("side", "center")):
-        anchors = resolver.resolve(relation.anchors[0]) or regions(world, relation.anchors[0])
-        sign = -1.0 if relation.name == "farthest" else 1.0
-        away = [min((sign * distance(p.x, p.y, anchor) for anchor in anchors), default=0.0) for p in points]
+    if relation.name in ("nearest", "near") or (relation.anchors[0].kind in ("side", "center")):
+        anchors = resolver.resolve(relation.anchors[0])
+        away = [min((distance(p.x, p.y, anchor) for anchor in anchors), default=0.0) for p in points]
         least = min(away, default=0.0)
         return [point for point, far in zip(points, away, strict=True) if far <= least + 0.25 * world.pitch]
     refs = [resolver.anchors(anchor) for anchor in relation.anchors]
@@ -316,7 +311,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
             near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]), default=None)
             blocked = near not in (None, under) and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
             x, y, said = float(gx[at]), float(gy[at]), max((wish.length for wish in wishes), default=0.0)
-            moved = math.dist((x, y), (thing.x, thing.y)) if said and not world.cells else said
+            moved = math.dist((x, y), (thing.x, thing.y)) if said else said
             note = elsewhere(world, near if blocked else None, moved, said) if away[at] > GRID else ""
             return Spot(x, y, world.ground, None, cost, "", note)
     near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]))
@@ -438,7 +433,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
         return [_near_point(other.x, other.y, 0.16, "the marked place")] if name in (*ONTO, "spot_of") else []
     if name == "spot_of":
         return [_near_point(other.x, other.y, 0.03, f"the place of {a_name(world, anchor)}")]
-    if name in ("to", "at") and not (name == "at" and relation.value):
+    if name in ("to", "at"):
         return [_ring(world, mover, anchor, what, relation)]
     if name in ONTO:
         found = settle(world, mover, Point(other.x, other.y, 0.0, anchor))
@@ -520,7 +515,7 @@ def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase,
         moved = np.hypot(x - thing.x, y - thing.y) > 0.004
         return moved & ((now < before - 0.022) if relation.name == "toward" else (now > before + 0.012))
 
-    if relation.name == "farthest" and not bit:
+    if relation.name == "farthest":
         corners = [(x, y) for x in world.bounds[:2] for y in world.bounds[2:]]
         return _Wish(*max(corners, key=lambda corner: math.dist(corner, (other.x, other.y))), fits, what=what)
     said = abs(step) * (relation.measure is not None and relation.measure.unit != "bit")

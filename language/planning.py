@@ -60,7 +60,7 @@ class Planner(Several):
         )
         if len(steps) > 1 and all("is full" in each.failure for each in found):
             found = self._made_room(steps, reading.arbitrary) or found
-        forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
+        forbidden = [clause for clause in steps if clause.negated]
         return [self._allowed(finished(each), forbidden) for each in found]
 
     def _made_room(self, steps: tuple[Clause, ...], arbitrary: bool) -> list[Draft]:
@@ -108,7 +108,7 @@ class Planner(Several):
     def _either(self, plan: Draft, clause: Clause, last: bool) -> Iterable[Draft]:
         """Return the plans with one more clause; of "the drawer or the fridge" with the first that can be done."""
         entity = clause.entity
-        if entity is None or entity.kind != "list" or not entity.any or clause.negated:
+        if entity is None or entity.kind != "list" or not entity.any:
             return self._after(plan, clause, last)
         found = [list(self._after(plan, replace(clause, entity=part), last)) for part in entity.parts]
         return next((drafts for drafts in found if any(not each.failure for each in drafts)), found[0])
@@ -119,7 +119,7 @@ class Planner(Several):
         if plan.topic is not None and act is not None and (clause.entity is None or clause.entity.kind == "it"):
             topic = plan.topic
             plan, clause = replace(plan, topic=None), replace(clause, entity=topic.entity)
-        if act is Act.CARRY and clause.entity is not None and clause.entity.kind == "robot" and not plan.world.cells:
+        if act is Act.CARRY and clause.entity is not None and clause.entity.kind == "robot":
             near = next((anchor for p in clause.places if p.name != "near" for anchor in p.anchors), None)
             if near is not None:  # "move the gripper to"
                 clause = Clause(doing(Act.TOUCH), near, span=clause.span)
@@ -139,7 +139,7 @@ class Planner(Several):
             yield from self._fragment(plan, clause, last)
         elif any(is_mutual(place) for place in clause.places):
             yield from self._mutual(plan, clause)
-        elif plan.topic is not None and clause.entity is not None and act is not Act.SWAP and not _spoken(clause):
+        elif plan.topic is not None and act is not Act.SWAP and not _spoken(clause):
             yield replace(self._unsaid(plan), cost=plan.cost + 1.0)
         elif act in (Act.NEVER, Act.TIDY):
             yield from self._undoable(plan, clause)
@@ -175,10 +175,9 @@ class Planner(Several):
         if any(place.name == "order" for place in clause.places):
             return True
         if entity.kind == "it":
-            held = plan.world.held is not None and clause.act in LOOSE
             last = self.recent[:2] if clause.act in (Act.CARRY, Act.TOUCH, Act.GATHER) else ()
             two = len(plan.it) > 1 or sum(allows(plan.world, clause.act, i) for i in last) > 1
-            return entity.plural and (two or entity.every or clause.act in BOXES) and not held
+            return entity.plural and (two or entity.every or clause.act in BOXES)
         whole = clause.act is Act.UNSTACK and entity.kind == "stack"
         stored = clause.act is Act.STORE and entity.plural  # what does not fit is said
         return whole or stored or entity.kind == "list" or entity.every or (entity.number or 1) > 1
@@ -252,16 +251,13 @@ class Planner(Several):
             before.entity is None
             or before.entity.kind == "it"
             or before.entity.other
-            or (
-                before.entity.noun is None
-                and (self.world.cells or not (before.entity.colors or before.entity.relations))
-            )
+            or (before.entity.noun is None and not (before.entity.colors or before.entity.relations))
         ):
             yield from (
                 replace(d, cost=d.cost + 0.5) for d in self._after(start, replace(before, entity=clause.entity), True)
             )
         else:
-            bare = not (new.noun or new.colors or new.other or new.parts or self.world.cells)  # "..., the right one"
+            bare = not (new.noun or new.colors or new.other or new.parts)  # "..., the right one"
             again, cost = replace(before, entity=clause.entity), 0.6 + costs.ANOTHER_BARE * bare
             yield from (replace(d, cost=d.cost + cost) for d in self._after(plan, again, True))
 
@@ -324,17 +320,17 @@ def _without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
 
 
 def _spoken(clause: Clause) -> bool:
-    """Whether a clause says "it" of what was named before: as its object, or as its place, "put the cube in it"."""
+    """Whether a clause says "it" of what was named before as its place: "put the cube in it"."""
     named = any(a.kind == "it" for place in clause.places for a in place.anchors)
     there = any(place.name in ("here", "into") and not place.anchors for place in clause.places)
-    return named or there or (clause.entity is not None and clause.entity.kind == "it")
+    return named or there
 
 
 def _names_it(plan: Draft, clause: Clause) -> bool:
     """Whether the words before a clause only named what it operates, which is done already."""
     last, spoken = plan.last, clause.entity is not None and clause.entity.kind == "it"
     operated = bool(plan.steps) and plan.steps[-1].act is Act.OPERATE
-    return spoken and operated and last is not None and last.act is None and last.entity is not None
+    return spoken and operated and last is not None and last.act is None
 
 
 def _touched_next(before: Clause | None, clause: Clause) -> Clause | None:

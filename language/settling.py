@@ -136,7 +136,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         guessed = any("verb" in e and found.lattice.is_corrected(i) for i, e in enumerate(found.lattice.edges))
         rivals = [c for c in close if c is not top and (guessed or c.reading is top.reading)]
         corners = {anchor.kind for step in top.reading.steps for place in step.places for anchor in place.anchors}
-        if corners == {"corner"} and all(c.reading is top.reading and _things(c) == _things(top) for c in rivals):
+        if corners == {"corner"} and all(_things(c) == _things(top) for c in rivals):
             rivals = []  # one of two corners on the left
     if rivals and _changes_roles([top, *rivals], planner):
         rivals = []
@@ -153,7 +153,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
             return refused(sentence, found._replace(failed=impossible), world)
         return _asked(sentence, [top, *rivals], found, world)
     following = found.possible[1].cost if len(found.possible) > 1 else math.inf
-    if not top.plan.steps and not world.cells:
+    if not top.plan.steps:
         words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
         return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
     return understood(sentence, top, found.lattice, world, following)
@@ -162,7 +162,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
 def crowded(found: Choices) -> list[Choice]:
     """Return likely readings that use all words and want several things where one at a time can be."""
     failed = [c for c in found.failed if not c.reading.unused and any(e in c.plan.failure for e in ONE_AT_A_TIME)]
-    if not failed or failed[0].plan.world.cells:
+    if not failed:
         return []
     other = min(found.failed[0].cost, found.possible[0].cost - 2 * costs.LIKELIER if found.possible else math.inf)
     return failed if failed[0].cost < other + costs.LIKELIER else []
@@ -213,7 +213,7 @@ def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> 
     if not strange:
         return None
     whole = [choice for choice in found.failed if not choice.reading.unused]
-    contradicted = [c for c in whole if _shown(c.plan) or c.cost < top.cost or _is_so(c)]
+    contradicted = [c for c in whole if c.cost < top.cost or _is_so(c)]
     if contradicted:  # "take this cube" of a sphere
         return refused(sentence, found._replace(failed=contradicted), world)
     words = " ".join(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in strange[:3])
@@ -251,7 +251,7 @@ def matters(lattice: Lattice, index: int) -> bool:
         after = lattice.edges[index + 1].keys() if index + 1 < len(lattice) else set()
         if {"noun", "color", "size"} & after and index > 0:  # an adjective; alone it may say which cube
             nouns = {edge.value for edge in lattice.get(index + 1, "noun")}
-            return index in lattice.unknown and nouns == {"thing"} and not {"color", "size"} & after
+            return index in lattice.unknown and nouns == {"thing"}
         before = lattice.text(index - 1) if index else ""
         preposed = index > 0 and (
             {"relation", "any", "between", "verb"} & lattice.edges[index - 1].keys()
@@ -512,7 +512,7 @@ def _what(
     if (word := _unshown(top.reading, words)) is not None:
         text = f"What do you mean by {word!r}, and what shall I do? Name a thing, or point at one"
         return Question(sentence, 0.0, unused, span, text)
-    if things and plan.topic is not None:
+    if things:
         text = (
             f"What shall I do with {name(world, things[0])}? For example: "
             f"{' or '.join(repr(each) for each in said_now)}"
@@ -545,7 +545,7 @@ def _which_one(sentence: str, top: Choice, part: str, span: tuple[int, int], wor
 
 def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> tuple[Plan, ...]:
     """Return the plan for each candidate of an ambiguous phrase."""
-    if world.cells or len(top.plan.candidates) > 8:
+    if len(top.plan.candidates) > 8:
         return ()
     plans = []
     for index in top.plan.candidates:
@@ -573,7 +573,7 @@ def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
     strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown) if words[i] not in LIMITING]
     if strange:
         many = f"I do not know the words {' '.join(strange[:5])!r}"
-        text = _below(words) or (f"I do not know the word {strange[0]!r}" if len(strange) == 1 else many)
+        text = f"I do not know the word {strange[0]!r}" if len(strange) == 1 else many
     else:
         what = f"which thing to {world.only}" if world.only else "what to take and where to put it"
         text = f"I do not see what I shall do about '{' '.join(words[:12])}'; say {what}"

@@ -10,7 +10,6 @@ from language import costs
 from language.chart import Chart
 from language.lattice import Lattice
 from language.meanings import Entity
-from language.objects import HAND
 from language.referents import Ref
 from language.scanning import Token, scan
 from language.spots import a_name
@@ -21,14 +20,13 @@ from language.world import AT_END, FLAT, WorldModel
 BESIDE = 3.0  # widths of a thing from its middle within which another one is next to it
 WAYS = {"left": "to the left", "right": "to the right", "far": "away from {}", "near": "towards {}"}
 BACK = 0.03  # metres within which a thing is back where it was
-FEW_CELLS = 3  # that a move is told by
 MOST_NAMED = 3  # things that a question offers by name
 
 
 def foreign(words: Sequence[str], known: set[str] | frozenset[str]) -> str:
     """Return that English is understood, in the language of these words; "" if they are English."""
     letters = [letter for word in words for letter in word if letter.isalpha()]
-    if letters and sum(letter > "\u024f" for letter in letters) > 0.5 * len(letters):
+    if sum(letter > "\u024f" for letter in letters) > 0.5 * len(letters):
         return TABLE["english_only"]["others"]
     strange = [word for word in words if word.isalpha() and word not in known]
     best, said = 0, ""
@@ -73,26 +71,13 @@ def name(world: WorldModel, index: int) -> str:
 
 
 def _name_among(world: WorldModel, index: int, same: Sequence[int]) -> str:
-    """Return the name of a thing of a board among those of its kind: by a side, its stack, a neighbour, or its cell."""
+    """Return the name of a thing of a board among those of its kind: by a side, or its cell."""
     thing = world.things[index]
     plain = f"{thing.color} {thing.kind}"
     for side in ("left", "right"):
         reached = {i: _along(world, side, world.things[i].x, world.things[i].y) for i in same}
         if all(reached[index] > reached[i] for i in same if i != index):
             return f"the {side}most {plain}"
-    kinds = [(other.color, other.kind) for other in world.things]
-    for neighbours, word in ((world.below, "on"), (world.above, "under")):
-        other = neighbours[index]
-        if other is not None and kinds.count(kinds[other]) == 1:
-            return f"the {plain} {word} {a_name(world, other)}"
-    if all(neighbours is None for neighbours in (world.below[index], world.above[index])):
-        beside = [
-            i
-            for i, other in enumerate(world.things)
-            if kinds.count(kinds[i]) == 1 and max(abs(other.x - thing.x), abs(other.y - thing.y)) == 1
-        ]
-        if beside:
-            return f"the {plain} next to {a_name(world, beside[0])}"
     return f"the {plain} at {thing.x:g}, {thing.y:g}, height {thing.bottom:g}"
 
 
@@ -133,7 +118,7 @@ def spot_words(world: WorldModel, step) -> str:
     """Return where a step puts its thing: next to what is nearest, or on which side."""
     x, y = step.place
     for index, other in enumerate(world.things):
-        if other.target and max(abs(other.x - x), abs(other.y - y)) < 0.02 * (1 if not world.cells else 20):
+        if other.target and max(abs(other.x - x), abs(other.y - y)) < 0.02:
             return f"at {a_name(world, index)}"
     thing, moved = world.things[step.object], step.object == world.held or step.object in world.inside
     home = world.home.get(step.object)
@@ -143,8 +128,7 @@ def spot_words(world: WorldModel, step) -> str:
     if world.cells and not moved and step.bottom == world.ground == thing.bottom and 0 in (round(dx), round(dy)):
         cells = round(abs(dx) + abs(dy))
         side = next((side for side in WAYS if _along(world, side, dx, dy) > 0), "left")
-        if 0 < cells <= FEW_CELLS:
-            return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side].format(_viewer(world))}"
+        return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side].format(_viewer(world))}"
     if not world.cells and max(abs(dx), abs(dy)) < 0.13 and not moved and world.below[step.object] is None:
         side = next(
             (s for s in WAYS if _along(world, s, dx, dy) >= 0.8 * max(abs(dx), abs(dy), 1e-9)),
@@ -339,11 +323,8 @@ def state(world: WorldModel, index: int) -> str:
         inside = world.contents(index)
         full = f", with {listed([a_name(world, i) for i in inside])} in it" if inside and index in world.open else ""
         return f"{thing} is {'open' if index in world.open else 'closed, not open'}{full}"
-    share = abs(world.moved.get(index, 0.0))
-    if world.things[index].kind == HAND:
-        return holds(world)
     if index in world.devices:
-        down = share > AT_END
+        down = abs(world.moved.get(index, 0.0)) > AT_END
         return f"{thing} is {'down: it has been moved' if down else 'up, at its start: it has not been moved'}"
     return f"{thing} is {where(world, index)}"
 
