@@ -85,7 +85,7 @@ class _Sentences:
         openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(wait, "not_meant"))]
         for start, rejects in openings:
             start += self.lattice.text(start) in (",", ".", "!", ";") and rejects
-            if rejects and "not" in (self.lattice.text(start - 1), self.lattice.text(start)) and self.lattice.table:
+            if rejects and "not" in (self.lattice.text(start - 1), self.lattice.text(start)):
                 continue  # "no, not the blue one": what follows is not meant either
             for item in [*self._sequences(start), *self._conditions(start)]:
                 rest = rests[item.end]
@@ -311,7 +311,7 @@ class _Sentences:
         found = [] if act is not Act.LOWER else [Item(at, Clause(verb, span=(start, at)), 0.0)]
         if act in BARE:
             found.append(Item(at, Clause(verb, span=(start, at)), costs.NO_OBJECT + 0.3))
-        light = act is Act.OPERATE and self.lattice.text(at - 1) in _LIGHT and self.lattice.table
+        light = act is Act.OPERATE and self.lattice.text(at - 1) in _LIGHT
         if light:
             named = [each for each in self.objects(at) if each.value.noun in _DEVICES]
             return [more for each in named for more in self._completed(verb, each, start, at)]
@@ -349,7 +349,7 @@ class _Sentences:
         return found + [
             Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.9, i.skipped)
             for i in self.objects(at, True)
-            if (is_several(i.value) and i.value.kind != "stack") or i.value.plural
+            if is_several(i.value) and i.value.kind != "stack"
         ]
 
     def _tower(self, at: int) -> list[Item]:
@@ -399,7 +399,7 @@ class _Sentences:
                     clause = Clause(meant, both, span=(start, other.end))
                     found.append(Item(other.end, clause, base + other.cost, entity.skipped | other.skipped))
         for edge in self.lattice.get(entity.end, "done"):  # "have the drawer opened"
-            if KNOWN[verb].act in (Act.GIVE, Act.CARRY) and not entity.value.single:
+            if KNOWN[verb].act in (Act.GIVE, Act.CARRY):
                 clause = Clause(edge.value, entity.value, span=(start, edge.end))
                 found.append(Item(edge.end, clause, entity.cost + edge.cost + 0.3, entity.skipped))
         return found
