@@ -123,7 +123,7 @@ class NounPhrases:
             found += [_item(draft, edge.end, edge.cost, start, kind="mutual") for edge in self._get(at, "each_other")]
             for edge in self._get(at, "pronoun"):
                 many = any(word in _MANY for word in edge.value.split())
-                sure = 0.15 * (edge.end > at + 1)  # "that one" is no thing of its own
+                sure = 0.15 * (edge.end > at + 1 and self._lattice.table)  # "that one" is no thing of its own
                 every = many and edge.value.startswith("all")
                 found.append(_item(draft, edge.end, edge.cost - sure, start, kind="it", plural=many, every=every))
         elif known.keys() == {"pointed"}:
@@ -424,9 +424,9 @@ class Chart:
 
     def _excluded(self, start: int) -> list[Item]:
         """Return what is excluded: one thing or several, "except the red one and the blue one"."""
-        # "all but two" leaves open which
-        found = layer = [i for i in self.entities(start) if (i.value.number or 1) <= 1]
-        for _ in range(MOST_EXCLUDED):
+        some = self.lattice.table  # "all but two" leaves open which
+        found = layer = [i for i in self.entities(start) if not (some and (i.value.number or 1) > 1)]
+        for _ in range(MOST_EXCLUDED if self.lattice.table else 0):
             layer = [
                 Item(more.end, _both(item.value, more.value), item.cost + more.cost, item.skipped | more.skipped)
                 for item in layer

@@ -65,7 +65,7 @@ class Comparisons(SelfAnswers):
         side = re.fullmatch(
             r"(?:on|at|to|in) (?:(left|right)(?: hand)?(?: side| half| part)?(?: of table)?|(middle))", plain
         )
-        if side is None:
+        if side is None or world.cells:
             return None
         across = side[1] or side[2]
         return Predicate(lambda i: sides_of(world, i)[0] == across if world.is_on_ground(i) else None, "place")

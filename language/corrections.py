@@ -88,7 +88,7 @@ class Corrections(Replies):
         text = " ".join(token.text for token in scan(sentence)).rstrip(" .!?")
         last = next((turn for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
         match = next(filter(None, (pattern.match(text) for pattern in _CONTRASTS)), None) if last else None
-        if match is None or last is None:
+        if match is None or last is None or self.now.cells:
             return None
         said = match.groupdict()
         meant = _with_words(last.sentence, said["new"], said.get("old") or "")
@@ -112,13 +112,15 @@ class Corrections(Replies):
         match, asked = _CHOSEN.fullmatch(text), self.open_question()
         if match is None or asked is None or not asked.candidates or self.last is None:
             return None
-        tokens = scan(match["what"])
-        entity = phrase(self.now, self.planner(), tokens)[0]
+        tokens, planner = scan(match["what"]), self.planner()
+        entity = phrase(self.now, planner, tokens)[0]
         if entity is None or entity.span != (0, len(tokens)) or entity.kind != "thing":
             return None
         takes = re.search(r"\b(?:take|pick|have)$", match["wish"]) is not None
         if takes and tokens[-1].text not in ("one", *colors()) and not match["purpose"]:
             return None  # "take the red cube" may be another command
+        if len(self._meant(planner, entity, asked.candidates)) != 1:
+            return None
         return self._answer(match["what"], made)
 
     def _asks_why(self, asked: str, command: str) -> bool:
@@ -166,7 +168,7 @@ class Corrections(Replies):
         """Return how many plans are to be undone: "undo the last two", "take both moves back"; 0 in other sentences."""
         text = " ".join(words)
         match = _UNDO.fullmatch(text)
-        return NUMBERS[match["n"] or match["n2"]] if match else 0
+        return NUMBERS[match["n"] or match["n2"]] if match and len(self.turns) > 1 else 0
 
     def _less(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the plan that takes a part of the last move back: a bit, or half of it; None if it was no move."""

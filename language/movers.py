@@ -60,7 +60,7 @@ class Movers(Steps):
             if clause.entity is None or act in (*BOXES, Act.OPERATE):
                 named = [i for i in named if not self._done(world, act, i)] or named
         if not named or (len(named) > 1 and act not in (*BOXES, Act.OPERATE, Act.UNSTACK)):
-            if plan.it and plan.it[0] < len(world.things):
+            if plan.it and not world.cells and plan.it[0] < len(world.things):
                 yield replace(plan, mover=plan.it[0], entity=clause.entity)
                 return
             named_by = clause.entity or Entity(span=clause.span)
@@ -164,6 +164,7 @@ class Movers(Steps):
         if entity is None or entity.kind == "it":
             return 0.0
         thing = world.things[held]
-        cost = 3.0 * (entity.noun not in (None, thing.kind))
+        cost = 0.0 if entity.kind == "thing" else 3.0
+        cost += 3.0 * (entity.noun not in (None, thing.kind))
         cost += 3.0 * (not all(color_fits(world, held, color) for color in entity.colors))
         return cost + sum(0.7 for relation in entity.relations if relation.name != "held")

@@ -97,7 +97,8 @@ def _of_program(sentence: str, found: list[Token]) -> list[Token]:
         if token.text == "." and not re.search(r"\s", inner):
             continue
         if token.text == "," and verb and sentence[: token.start].count("(") > sentence[: token.start].count(")"):
-            token = token._replace(text=_joining()[verb])
+            box = re.match(r"\W*(?:drawer|fridge|refrigerator)", sentence[token.end :])
+            token = token._replace(text="in" if box and _joining()[verb] == "on" else _joining()[verb])
         if token.text in ("gripper", "arm", "robot"):
             continue
         kept.append(token)

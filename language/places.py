@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from language import costs
 from language.free_spots import GRID, SHARES, clear_of, free_grid, grid
 from language.meanings import Entity, Measure, RelationPhrase
-from language.referents import Ref, Resolver, distance, relation_cost, spot, thing_ref
+from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
 from language.spots import (
     MiddleDistance,
     Point,
@@ -87,7 +87,7 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         return []
     found: list[Point] = []
     for number, anchor in enumerate(_anchors(resolver, relation, mover if typed else None), 1):
-        if mover in anchor.things:
+        if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
             continue
         key = (mover, relation.name, relation.value, relation.measure, anchor[:4])
         if key not in resolver.points:
@@ -211,14 +211,17 @@ def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Po
 def _also(resolver: Resolver, mover: int, points: list[Point], relation: RelationPhrase) -> list[Point]:
     """Return the points that are in a further relation, too."""
     world = resolver.world
+    if relation.name == "direction" and relation.value in ("up", "top", "down"):
+        return points
     if relation.name == "direction":
         sides = Entity("side", sides=(relation.value or "left",))
         relation = RelationPhrase("at", (sides,))
     if not relation.anchors:
         return points
-    if relation.name in ("nearest", "near") or (relation.anchors[0].kind in ("side", "center")):
-        anchors = resolver.resolve(relation.anchors[0])
-        away = [min((distance(p.x, p.y, anchor) for anchor in anchors), default=0.0) for p in points]
+    if relation.name in ("nearest", "near", "farthest") or (relation.anchors[0].kind in ("side", "center")):
+        anchors = resolver.resolve(relation.anchors[0]) or regions(world, relation.anchors[0])
+        sign = -1.0 if relation.name == "farthest" else 1.0
+        away = [min((sign * distance(p.x, p.y, anchor) for anchor in anchors), default=0.0) for p in points]
         least = min(away, default=0.0)
         return [point for point, far in zip(points, away, strict=True) if far <= least + 0.25 * world.pitch]
     refs = [resolver.anchors(anchor) for anchor in relation.anchors]

@@ -119,7 +119,7 @@ class Planner(Several):
         if plan.topic is not None and act is not None and (clause.entity is None or clause.entity.kind == "it"):
             topic = plan.topic
             plan, clause = replace(plan, topic=None), replace(clause, entity=topic.entity)
-        if act is Act.CARRY and clause.entity is not None and clause.entity.kind == "robot":
+        if act is Act.CARRY and clause.entity is not None and clause.entity.kind == "robot" and not plan.world.cells:
             near = next((anchor for p in clause.places if p.name != "near" for anchor in p.anchors), None)
             if near is not None:  # "move the gripper to"
                 clause = Clause(doing(Act.TOUCH), near, span=clause.span)
@@ -139,7 +139,7 @@ class Planner(Several):
             yield from self._fragment(plan, clause, last)
         elif any(is_mutual(place) for place in clause.places):
             yield from self._mutual(plan, clause)
-        elif plan.topic is not None and act is not Act.SWAP and not _spoken(clause):
+        elif plan.topic is not None and clause.entity is not None and act is not Act.SWAP and not _spoken(clause):
             yield replace(self._unsaid(plan), cost=plan.cost + 1.0)
         elif act in (Act.NEVER, Act.TIDY):
             yield from self._undoable(plan, clause)
@@ -175,9 +175,10 @@ class Planner(Several):
         if any(place.name == "order" for place in clause.places):
             return True
         if entity.kind == "it":
+            held = plan.world.held is not None and clause.act in LOOSE
             last = self.recent[:2] if clause.act in (Act.CARRY, Act.TOUCH, Act.GATHER) else ()
             two = len(plan.it) > 1 or sum(allows(plan.world, clause.act, i) for i in last) > 1
-            return entity.plural and (two or entity.every or clause.act in BOXES)
+            return entity.plural and (two or entity.every or clause.act in BOXES) and not held
         whole = clause.act is Act.UNSTACK and entity.kind == "stack"
         stored = clause.act is Act.STORE and entity.plural  # what does not fit is said
         return whole or stored or entity.kind == "list" or entity.every or (entity.number or 1) > 1
@@ -251,13 +252,16 @@ class Planner(Several):
             before.entity is None
             or before.entity.kind == "it"
             or before.entity.other
-            or (before.entity.noun is None and not (before.entity.colors or before.entity.relations))
+            or (
+                before.entity.noun is None
+                and (self.world.cells or not (before.entity.colors or before.entity.relations))
+            )
         ):
             yield from (
                 replace(d, cost=d.cost + 0.5) for d in self._after(start, replace(before, entity=clause.entity), True)
             )
         else:
-            bare = not (new.noun or new.colors or new.other or new.parts)  # "..., the right one"
+            bare = not (new.noun or new.colors or new.other or new.parts or self.world.cells)  # "..., the right one"
             again, cost = replace(before, entity=clause.entity), 0.6 + costs.ANOTHER_BARE * bare
             yield from (replace(d, cost=d.cost + cost) for d in self._after(plan, again, True))
 

@@ -17,7 +17,7 @@ from language.lattice import Lattice
 from language.normalise import questions
 from language.planning import Planner
 from language.scanning import COLOR, THING, Token, scan
-from language.talk import holds, listed, name, phrase, real, state, where
+from language.talk import holds, listed, name, phrase, real, seen, state, where
 from language.words import GROUPS, colors, nouns, phrases
 from language.world import AT_END, WorldModel
 
@@ -347,6 +347,8 @@ class Questions(Alternatives):
         text = _with_nouns(re.sub(rf"^(?:{_BE}|could|would|will) ", "", match[0]))
         if re.search(r"\b(?:your gripper|gripper|your hand|claw|you)\b.*\b(?:empty|free|full|open)\b", text):
             return f"{'yes' if (self.world.held is None) == ('full' not in text) else 'no'}: {holds(self.world)}"
+        if re.match(r"table\b.*\bempty", text):
+            return f"no: {seen(self.world)}"
         either = re.fullmatch(rf"(.+?) (?:to )?{_SIDE} (?:of )?or (?:to )?{_SIDE}(?: of)? (.+)", text)
         if either and (said := self._either(either)):
             return said

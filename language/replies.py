@@ -113,9 +113,9 @@ class Replies(Recollections):
             return None if clause.entity is None else self._what(sentence, clause.entity)
         if self._unshown(clause.entity, found):
             return Question(sentence, 0.0, text="Which thing do you mean? Name it, or point at it", reading=self.last)
-        if world.held is not None and clause.entity is None:
+        if world.held is not None and clause.entity is None and not world.cells:
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
-        restore = reply.rejects and clause.entity is not None
+        restore = reply.rejects and (clause.entity is not None or world.cells)
         reply = replace(reply, steps=(replace(clause, entity=self._alike(clause.entity)), *reply.steps[1:]))
         meant = revised(self._beside_chosen(self.last), reply)
         return self._tried(sentence, meant if reply.rejects else [self._higher(each) for each in meant], found, restore)
@@ -198,6 +198,8 @@ class Replies(Recollections):
         stays = [name(world, i) for i in kept if not only and not any(step.object == i for step in steps)]
         note = f"{' and '.join(stays)} cannot be moved back" if stays else ""
         what = name(world, only[0]) if len(only) == 1 else "everything"
+        if not steps and any(i in world.inside and i in world.home for i in only):
+            return None  # it was moved before the conversation: back to its home
         if not steps:
             return Answer(sentence, 1.0, text=f"{what.capitalize()} is where it was at first{note and f', but {note}'}")
         result = reduce(WorldModel.after, steps, world)
@@ -243,7 +245,7 @@ class Replies(Recollections):
         """Return plain words with the corner that is opposite the place where something was put last; or None."""
         match, done, world = _OPPOSITE.search(text), self.done(), self.now
         at = [step.place for step in getattr(done and done.outcome, "steps", ()) if step.place is not None]
-        if match is None or not at:
+        if match is None or not at or world.cells:
             return None
         x0, x1, y0, y1 = world.bounds
         off = at[-1][0] - (x0 + x1) / 2, at[-1][1] - (y0 + y1) / 2
@@ -275,7 +277,7 @@ class Replies(Recollections):
             else ()
         )
         moved = [step.object for step in steps if step.carries and not step.implied]
-        if match is None or not moved or not anchors:
+        if match is None or world.cells or not moved or not anchors:
             return None
         refs = self.planner().resolver(world, (), None).resolve(anchors[-1])
         if not refs or not refs[0].things:
@@ -427,7 +429,7 @@ class Replies(Recollections):
     ) -> Plan | None:
         """Return a plan that takes a thing where it is, instead of one that first takes the same thing back."""
         restored, moved = ({step.object for step in steps if step.carries} for steps in (back, plan.steps))
-        if not restored or restored != moved:
+        if not restored or restored != moved or self.now.cells:
             return None
         shifts = any(place.name == "direction" for step in reading.steps for place in step.places)
         if shifts:  # from where it stood before
@@ -445,7 +447,8 @@ class Replies(Recollections):
         restored = restoring(world, before)
         if restored and restore:
             yield before, restored
-        yield world, ()
+        if not (restored and restore and world.cells):
+            yield world, ()
         if restored and not restore and back:
             yield before, restored
 
@@ -465,7 +468,7 @@ def on_other_side(last: Clause, said: Clause) -> Clause | None:
         plain = replace(entity, colors=entity.colors if exact.color else (), sides=sides, pointed=None)
         return replace(last, entity=plain, instruction=None)
     before = [each for each in entity.relations if any(anchor.kind == "side" for anchor in each.anchors)]
-    if not sides or not (before or entity.sides):
+    if not sides or not (before or entity.sides or entity.superlative in ("left", "right")):
         return None
     kept = tuple(each for each in entity.relations if each not in before)
     return replace(last, entity=replace(entity, sides=sides, superlative=None, relations=kept))

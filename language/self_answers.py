@@ -235,8 +235,6 @@ class SelfAnswers(ABC):
         """Say whether something can be done here."""
         lattice, world = Lattice(scan(match[1])), self.world
         acts = {KNOWN[edge.value].act for edge in lattice.get(0, "verb")}
-        if not acts:
-            return None
         devices = {edge.value for i in range(len(lattice)) for edge in lattice.get(i, "noun")} & {*DEVICES}
         if acts <= {Act.NEVER} or (Act.NEVER in acts and not devices):
             return f"no, I cannot {match[1]}: no arm of this kind does that"
@@ -273,7 +271,7 @@ class SelfAnswers(ABC):
     def _off(self, index: int, who: str) -> float:
         """Return how far a thing is from the robot, or from the person, who is opposite."""
         thing, (_, x1, y0, y1) = self.world.things[index], self.world.bounds
-        x = 0.0 if who in ("you", "robot") else 2 * x1
+        x = 0.0 if who in ("you", "robot") else 2 * x1 if not self.world.cells else x1
         return math.hypot(thing.x - x, thing.y - (y0 + y1) / 2)
 
     def purpose(self, match: re.Match[str]) -> str | None:

@@ -85,7 +85,7 @@ class _Sentences:
         openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(wait, "not_meant"))]
         for start, rejects in openings:
             start += self.lattice.text(start) in (",", ".", "!", ";") and rejects
-            if rejects and "not" in (self.lattice.text(start - 1), self.lattice.text(start)):
+            if rejects and "not" in (self.lattice.text(start - 1), self.lattice.text(start)) and self.lattice.table:
                 continue  # "no, not the blue one": what follows is not meant either
             for item in [*self._sequences(start), *self._conditions(start)]:
                 rest = rests[item.end]
@@ -311,7 +311,7 @@ class _Sentences:
         found = [] if act is not Act.LOWER else [Item(at, Clause(verb, span=(start, at)), 0.0)]
         if act in BARE:
             found.append(Item(at, Clause(verb, span=(start, at)), costs.NO_OBJECT + 0.3))
-        light = act is Act.OPERATE and self.lattice.text(at - 1) in _LIGHT
+        light = act is Act.OPERATE and self.lattice.text(at - 1) in _LIGHT and self.lattice.table
         if light:
             named = [each for each in self.objects(at) if each.value.noun in _DEVICES]
             return [more for each in named for more in self._completed(verb, each, start, at)]

@@ -116,7 +116,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
-    tidying = [c for c in found.failed if _tidies(c, top)]
+    tidying = [c for c in found.failed if _tidies(c)]
     lasts = [c.reading.steps[-1] for c in found.failed if not c.reading.unused]
     moves = any(last.act is Act.CARRY and last.places for last in lasts)  # "shift the cube 20 cm to the right"
     never = [c for c in found.failed if c.plan.reason == "never" and not (moves and c.plan.failure == "unturnable")]
@@ -153,7 +153,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
             return refused(sentence, found._replace(failed=impossible), world)
         return _asked(sentence, [top, *rivals], found, world)
     following = found.possible[1].cost if len(found.possible) > 1 else math.inf
-    if not top.plan.steps:
+    if not top.plan.steps and not world.cells:
         words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
         return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
     return understood(sentence, top, found.lattice, world, following)
@@ -162,7 +162,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
 def crowded(found: Choices) -> list[Choice]:
     """Return likely readings that use all words and want several things where one at a time can be."""
     failed = [c for c in found.failed if not c.reading.unused and any(e in c.plan.failure for e in ONE_AT_A_TIME)]
-    if not failed:
+    if not failed or failed[0].plan.world.cells:
         return []
     other = min(found.failed[0].cost, found.possible[0].cost - 2 * costs.LIKELIER if found.possible else math.inf)
     return failed if failed[0].cost < other + costs.LIKELIER else []
@@ -173,12 +173,11 @@ def _is_so(choice: Choice) -> bool:
     return choice.plan.reason == "already" and not choice.reading.unused
 
 
-def _tidies(choice: Choice, top: Choice) -> bool:
-    """Whether several things shall go "away", where nobody says. top: the plan that would move one a bit away."""
-    clause, other = choice.reading.steps[-1], top.reading.steps[-1]
+def _tidies(choice: Choice) -> bool:
+    """Whether several things shall go "away", where nobody says."""
+    clause = choice.reading.steps[-1]
     several = clause.entity is not None and clause.entity.plural and not choice.reading.unused
-    aside = other.places and all(place.name == "direction" for place in other.places)
-    return clause.act is Act.TIDY and several and bool(aside)
+    return clause.act is Act.TIDY and several
 
 
 def _changes_roles(close: list[Choice], planner: Planner) -> bool:
@@ -545,7 +544,7 @@ def _which_one(sentence: str, top: Choice, part: str, span: tuple[int, int], wor
 
 def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> tuple[Plan, ...]:
     """Return the plan for each candidate of an ambiguous phrase."""
-    if len(top.plan.candidates) > 8:
+    if world.cells or len(top.plan.candidates) > 8:
         return ()
     plans = []
     for index in top.plan.candidates:

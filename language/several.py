@@ -129,7 +129,10 @@ class Several(Movers):
             return replace(plan, failure=f"{len(things)} things fit", reason="nothing", entity=entity)
         if act is Act.UNSTACK:
             things = self._on_others(plan, entity, things)
-            if entity.kind == "stack" and not towers_of(world, things):
+            tops = tuple(tower[-1] for tower in towers_of(world, things))
+            if entity.kind == "stack" and len(tops) > 1 and not (entity.every or entity.plural):
+                return replace(plan, failure="several", reason="several", entity=entity, candidates=tops)
+            if entity.kind == "stack" and not tops:
                 return replace(plan, failure="nothing stands on another thing: there is no tower", reason="impossible")
         if act is Act.REMOVE:
             things = [i for i in things if i in world.inside] or things

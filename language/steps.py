@@ -209,7 +209,7 @@ class Steps:
     def _ready(self, plan: Draft, index: int | None = None) -> Draft:
         """Return the plan with the gripper empty or holding the thing, and with the thing's container open."""
         held = plan.world.held
-        if held is not None and held != index:
+        if held is not None and held != index and not plan.world.cells:
             plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
         if index is not None and index in plan.world.inside:
             box = plan.world.inside[index]
@@ -319,7 +319,7 @@ class Steps:
         under = next(
             (each for each in places if each.name == "under" and each.anchors and each.anchors[0].kind == "thing"), None
         )
-        if under is not None and act is Act.CARRY:
+        if under is not None and not world.cells and act is Act.CARRY:
             yield from self._beneath(plan, clause, under, index)
         elif act in TAKING and not places:
             spoken = clause.entity is None or clause.entity.kind == "it"
@@ -448,7 +448,7 @@ class Steps:
                 found = spots(resolver, index, pronoun, typed)
             elif plan.box is not None:
                 found = spots(resolver, index, (RelationPhrase("into"),), typed)
-            elif self.carried and index not in self.carried:  # where the last one went
+            elif self.carried and index not in self.carried and not plan.world.cells:  # where the last one went
                 found = spots(resolver, index, (place_at(self.carried[0], "near"),), typed)
             else:
                 yield replace(plan, failure="no gesture shows the place", reason="where", entity=clause.entity)

@@ -20,6 +20,7 @@ from language.world import AT_END, FLAT, WorldModel
 BESIDE = 3.0  # widths of a thing from its middle within which another one is next to it
 WAYS = {"left": "to the left", "right": "to the right", "far": "away from {}", "near": "towards {}"}
 BACK = 0.03  # metres within which a thing is back where it was
+FEW_CELLS = 3  # that a move is told by
 MOST_NAMED = 3  # things that a question offers by name
 
 
@@ -71,13 +72,26 @@ def name(world: WorldModel, index: int) -> str:
 
 
 def _name_among(world: WorldModel, index: int, same: Sequence[int]) -> str:
-    """Return the name of a thing of a board among those of its kind: by a side, or its cell."""
+    """Return the name of a thing of a board among those of its kind: by a side, its stack, a neighbour, or its cell."""
     thing = world.things[index]
     plain = f"{thing.color} {thing.kind}"
     for side in ("left", "right"):
         reached = {i: _along(world, side, world.things[i].x, world.things[i].y) for i in same}
         if all(reached[index] > reached[i] for i in same if i != index):
             return f"the {side}most {plain}"
+    kinds = [(other.color, other.kind) for other in world.things]
+    for neighbours, word in ((world.below, "on"), (world.above, "under")):
+        other = neighbours[index]
+        if other is not None and kinds.count(kinds[other]) == 1:
+            return f"the {plain} {word} {a_name(world, other)}"
+    if all(neighbours is None for neighbours in (world.below[index], world.above[index])):
+        beside = [
+            i
+            for i, other in enumerate(world.things)
+            if kinds.count(kinds[i]) == 1 and max(abs(other.x - thing.x), abs(other.y - thing.y)) == 1
+        ]
+        if beside:
+            return f"the {plain} next to {a_name(world, beside[0])}"
     return f"the {plain} at {thing.x:g}, {thing.y:g}, height {thing.bottom:g}"
 
 
@@ -128,7 +142,8 @@ def spot_words(world: WorldModel, step) -> str:
     if world.cells and not moved and step.bottom == world.ground == thing.bottom and 0 in (round(dx), round(dy)):
         cells = round(abs(dx) + abs(dy))
         side = next((side for side in WAYS if _along(world, side, dx, dy) > 0), "left")
-        return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side].format(_viewer(world))}"
+        if 0 < cells <= FEW_CELLS:
+            return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side].format(_viewer(world))}"
     if not world.cells and max(abs(dx), abs(dy)) < 0.13 and not moved and world.below[step.object] is None:
         side = next(
             (s for s in WAYS if _along(world, s, dx, dy) >= 0.8 * max(abs(dx), abs(dy), 1e-9)),
