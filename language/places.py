@@ -125,7 +125,7 @@ def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]
 def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) -> list[Point]:
     """Return the points in a relation to one anchor."""
     name = relation.name
-    if world.cells and relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
+    if relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
         return _beside(world, mover, anchor, "far" if name == "over" else "near", relation.measure)
     if name in _SIDEWAYS and anchor.kind == "board":  # "two squares to the left of the board"
         return _shifted(world, mover, replace(relation, name="direction", value=_SIDEWAYS[name]))
@@ -134,7 +134,7 @@ def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) ->
     if name in ("near", "nearest"):
         return _around(world, mover, anchor)
     if anchor.things:
-        if name == "farthest" or relation.measure is not None:  # nothing is two cells on a thing
+        if relation.measure is not None:  # nothing is two cells on a thing
             return []
         onto = None if world.things[anchor.things[-1]].target else anchor.things[-1]  # a see-through thing is a place
         return [Point(anchor.x, anchor.y, 0.0, onto)] if name in ONTO else []
@@ -170,7 +170,7 @@ def _apart(world: WorldModel, width: float, measure: Measure | None) -> float:
 
 def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Point]:
     thing = world.things[mover]
-    if relation.value in ("up", "down") and world.cells and relation.measure is not None:
+    if relation.value in ("up", "down") and relation.measure is not None:
         relation = replace(relation, value="far" if relation.value == "up" else "near")
     if relation.value in ("up", "top", "down"):
         return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
@@ -204,9 +204,7 @@ def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Po
         if mover in one.things + other.things or one.things == other.things:
             continue
         x, y = (one.x + other.x) / 2, (one.y + other.y) / 2
-        if resolver.world.cells and (x != int(x) or y != int(y)):
-            x, y = float(round(x)), float(round(y))
-        found.append(Point(x, y, one.cost + other.cost, free=True))
+        found.append(Point(float(round(x)), float(round(y)), one.cost + other.cost, free=True))
     return found
 
 
@@ -316,7 +314,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
             near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]), default=None)
             blocked = near not in (None, under) and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
             x, y, said = float(gx[at]), float(gy[at]), max((wish.length for wish in wishes), default=0.0)
-            moved = math.dist((x, y), (thing.x, thing.y)) if said and not world.cells else said
+            moved = math.dist((x, y), (thing.x, thing.y)) if said else said
             note = elsewhere(world, near if blocked else None, moved, said) if away[at] > GRID else ""
             return Spot(x, y, world.ground, None, cost, "", note)
     near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]))
@@ -438,7 +436,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
         return [_near_point(other.x, other.y, 0.16, "the marked place")] if name in (*ONTO, "spot_of") else []
     if name == "spot_of":
         return [_near_point(other.x, other.y, 0.03, f"the place of {a_name(world, anchor)}")]
-    if name in ("to", "at") and not (name == "at" and relation.value):
+    if name in ("to", "at"):
         return [_ring(world, mover, anchor, what, relation)]
     if name in ONTO:
         found = settle(world, mover, Point(other.x, other.y, 0.0, anchor))
@@ -520,7 +518,7 @@ def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase,
         moved = np.hypot(x - thing.x, y - thing.y) > 0.004
         return moved & ((now < before - 0.022) if relation.name == "toward" else (now > before + 0.012))
 
-    if relation.name == "farthest" and not bit:
+    if relation.name == "farthest":
         corners = [(x, y) for x in world.bounds[:2] for y in world.bounds[2:]]
         return _Wish(*max(corners, key=lambda corner: math.dist(corner, (other.x, other.y))), fits, what=what)
     said = abs(step) * (relation.measure is not None and relation.measure.unit != "bit")
@@ -569,9 +567,7 @@ def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref)
         return [inner, outer._replace(cost=1.0)]  # the outer one is for several things
     if area.kind == "board" and name != "under":
         return [_Wish(thing.x, thing.y, _anywhere, what="the table")]
-    if area.kind in ("corner", "edge", "side") and (
-        name in (*ONTO, "near", "under", "from", "toward") or name in _SIDEWAYS
-    ):
+    if area.kind in ("corner", "edge", "side") and name in (*ONTO, "near", "under", "from", "toward", *_SIDEWAYS):
         x0, x1, y0, y1 = world.bounds
         sides = ["far"] * (area.box[0] >= x1 - 1e-6) + ["near"] * (area.box[1] <= x0 + 1e-6)
         sides += ["left"] * (area.box[2] >= y1 - 1e-6) + ["right"] * (area.box[3] <= y0 + 1e-6)
@@ -584,7 +580,7 @@ def _side_wish(world: WorldModel, sides: list[str], edge: bool, absolute: bool =
     x0, x1, y0, y1 = world.bounds
     vectors = {"far": (1, 0), "near": (-1, 0), "left": (0, 1), "right": (0, -1)}
     x = y = None
-    tests: list[Mask] = []
+    tests: list[Mask] = [_anywhere]
     for side in sides:
         if side in ("center", "up", "top", "down"):
             continue
@@ -596,9 +592,7 @@ def _side_wish(world: WorldModel, sides: list[str], edge: bool, absolute: bool =
         x, y = (nominal, y) if dx else (x, nominal)
         tests.append(_beyond(limit, sign, bool(dx)))
     name = f"the {' '.join(sides)} {'edge' if edge and len(sides) < 2 else 'corner' if len(sides) > 1 else 'side'}"
-    return _Wish(
-        x, y, lambda gx, gy: np.all([test(gx, gy) for test in tests] or [_anywhere(gx, gy)], axis=0), what=name
-    )
+    return _Wish(x, y, lambda gx, gy: np.all([test(gx, gy) for test in tests], axis=0), what=name)
 
 
 def _beyond(limit: float, sign: float, on_x: bool) -> Mask:

@@ -128,14 +128,6 @@ class Questions(Alternatives):
         things = real(self.world, found)
         if entity is not None and entity.role == "target":
             things = [ref.things[-1] for ref in found if ref.things]
-        if (
-            entity is not None
-            and entity.kind == "it"
-            and not entity.plural
-            and self.planner.box is not None
-            and not things
-        ):
-            things = [self.planner.box]
         if entity is not None and entity.colors and not entity.plural and self._names_no_kind(tokens, entity.span):
             things = [i for i in things if self.world.is_loose(i)] or things  # "where is the red one?"
         self.things = things
@@ -143,7 +135,7 @@ class Questions(Alternatives):
 
     def _names_no_kind(self, tokens: list[Token], span: tuple[int, int]) -> bool:
         """Whether a phrase ends with a colour or with "one"."""
-        last = tokens[span[1] - 1].text if span[1] else ""
+        last = tokens[span[1] - 1].text
         return last == "one" or re.fullmatch(COLOR, last) is not None
 
     def _says_more(self, tokens: list[Token], span: tuple[int, int]) -> bool:
@@ -173,9 +165,9 @@ class Questions(Alternatives):
             loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i)]
             return [*self.planner.it] if len(self.planner.it) > 1 else [*self.world.containers] or loose
         if re.fullmatch(r"(?:it|that|this|that one|this one|there|inside)", text):
-            return list(self.planner.it[:1]) or ([self.planner.box] if self.planner.box is not None else None)
+            return list(self.planner.it[:1]) or None
         if beside := re.search(rf"\b{_CLOSE} (?={_SIDE}\b(?: of)? (?P<anchor>.+))", text):
-            return self._nearest(self.refs(text.replace(beside[0], ""))[1], beside["anchor"]) or None
+            return self._nearest(self.refs(text.replace(beside[0], ""))[1], beside["anchor"])
         words = re.split(r" (?:and|or|,) (?:(?:and|or) )?", text)
         noun = re.search(rf"(?:{COLOR}) ({THING})$", words[-1])  # "the red and the blue cube"
         parts = [self.refs(f"{part} {noun[1]}" if noun and re.fullmatch(COLOR, part) else part) for part in words]
@@ -198,8 +190,7 @@ class Questions(Alternatives):
         return Predicate(lambda i: None if (so := found.holds(i)) is None else not so, found.about)
 
     def _state(self, plain: str) -> Predicate | None:
-        world, word = self.world, plain.split()[-1] if plain else ""
-        boxes, devices = world.containers, world.devices
+        world, boxes, devices = self.world, self.world.containers, self.world.devices
         if plain in _STATES:
             return Predicate(lambda i: (i in world.open) == _STATES[plain] if i in boxes else None, "state")
         if plain in _OPERATED or (
@@ -213,7 +204,7 @@ class Questions(Alternatives):
             return Predicate(lambda i: world.below[i] is not None or world.above[i] is not None, "place")
         if plain in ("empty", "full", "free", "occupied", "taken", "vacant", "in use"):
             full = plain in ("full", "occupied", "taken", "in use")
-            enclosing = (*boxes, *([world.hand] if world.hand is not None else []))
+            enclosing = (*boxes, world.hand)
             return Predicate(lambda i: bool(world.contents(i)) == full if i in enclosing else None, "content")
         if re.fullmatch(rf"(?:{COLOR})(?: colou?red)?", plain):
             meant = colors()[plain.split()[0]]
@@ -223,7 +214,7 @@ class Questions(Alternatives):
         if kinds := _kinds(plain):
             return Predicate(lambda i: world.things[i].kind in kinds, "kind")
         held = r"^(?:held|held by you|holding|you hold|you holding)$"
-        if word == "held" or re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
+        if re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
             return Predicate(lambda i: i == world.held, "place")
         if plain in ("blocked", "covered", "buried", "obstructed", "trapped", "in way", "accessible", "reachable"):
             within = world.inside
@@ -315,7 +306,7 @@ class Questions(Alternatives):
         if about == "size":
             wide = "a cell" if world.cells else f"{100 * world.things[index].width:.0f} cm"
             return f"{plain} {'has room for one thing' if index in world.containers else f'is {wide} wide'}"
-        if about == "state" or (about != "place" and not world.is_loose(index)):
+        if about == "state":
             return state(world, index)
         return f"{plain} is {where(world, index)}"
 
@@ -400,9 +391,9 @@ class Questions(Alternatives):
         told = None
         for side in (f"{each} of" if each in ("left", "right", "in front") else each for each in sides):
             found = self.split(f"{subject} {side} {other}")
-            things = [i for i in found[0] if self.world.is_loose(i)] if found else []
-            if found is None or len(things) != 1:
+            if found is None or len(found[0]) != 1:
                 return None
+            things = found[0]
             if found[1].holds(things[0]):
                 beside = self.names(self.subject(other) or [])
                 self.things = things
@@ -435,7 +426,7 @@ class Questions(Alternatives):
         """Name the things of which something is so."""
         text, _, among = match[0].partition(" , ")
         if re.fullmatch(r"(?:what|which) (?:ones?|of them|cubes?|blocks?)(?: exactly)?", text) and self.turns:
-            self.things = [i for turn in reversed(self.turns) for i in turn.about if turn.about][:12]
+            self.things = [i for turn in reversed(self.turns) for i in turn.about][:12]
             return f"I mean {self.names(self.things)}" if self.things else None
         text = _with_nouns(re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text))
         if re.search(r"\w (?:on|in|inside|under|next to|near|behind|at)$", re.sub(rf"^{_BE}", "", text)):  # "it is on"
@@ -447,9 +438,9 @@ class Questions(Alternatives):
         )
         joint = re.search(rf"(?:^|(?<= )){_BE}(?= )", text)
         head, rest = (text[: joint.start()].strip(), text[joint.end() :].strip()) if joint else ("", text)
-        if rest.startswith("or ") or not rest:
+        if not rest:
             return None
-        if re.match(_BEST, rest) and not among and (best := self.best(rest, head or (noun[0] if noun else "cube"))):
+        if re.match(_BEST, rest) and not among and (best := self.best(rest, head or "cube")):
             return best
         negated = "not " if rest.startswith("not ") else ""
         stated = self.predicate(rest)
@@ -530,7 +521,7 @@ class Questions(Alternatives):
         if not things:
             return None
         self.things, boxes = things, [i for i in things if i in self.world.containers]
-        told = [self._told(i, "state" if i in boxes or not self.world.is_loose(i) else "place") for i in things[:3]]
+        told = [self._told(i, "state") for i in things[:3]]
         return "; ".join([*told, *(self._told(i, "content") for i in boxes[:3])])
 
     def capacity(self, match: re.Match[str]) -> str | None:
