@@ -6,6 +6,7 @@ A rule for a wording ("give X a push") names no verb of the robot: it says the s
 
 from __future__ import annotations
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -20,7 +21,7 @@ from language.errors import NotUnderstood
 from language.objects import NOUNS
 from language.ordering import ordered, repeated
 from language.remarks import without_remarks
-from language.scanning import COLOR, Token, said, scan, verb_words
+from language.scanning import COLOR, Token, inflections, said, scan, verb_words
 from language.spoken import without_restarts
 from language.verbs import KNOWN, Act
 from language.whereabouts import plain_regions
@@ -76,20 +77,32 @@ def _named() -> frozenset[str]:
 
 
 @cache
-def _spelling(word: str) -> str:
-    """Return what a word surely is that has a letter too many or too few, or two letters swapped; "blok": "block"."""
-    from language.lattice import STRANGERS, vocabulary
+def known_words() -> frozenset[str]:
+    """Return the words of the tables and of the rules, and the forms of verbs: these are spelled as they are meant."""
+    from language.words import TABLE, colors, nouns
 
-    if len(word) < 4 or not word.isalpha() or word in STRANGERS or word in vocabulary():
+    rules = Path(__file__).with_name("wordings.yaml").read_text("utf-8")
+    named = (*colors(), *(noun for names in nouns().values() for noun in names))
+    forms = (each[2] for name, verb in KNOWN.items() for phrase in said(verb) for each in inflections(name, phrase))
+    return frozenset(re.findall(r"[a-z]+", " ".join([json.dumps(TABLE), rules, *named, *forms, verb_words()])))
+
+
+@cache
+def spelling(word: str) -> str:
+    """Return what a word surely is that has a letter too many or too few, or two letters swapped; "blok": "block"."""
+    if len(word) < 4 or not word.isalpha() or word in known_words():
         return word
     near = [name for name in _named() if name[0] == word[0] and OSA.distance(name, word, score_cutoff=1) == 1]
     near = [name for name in near if len(name) != len(word) or sorted(name) == sorted(word)]
     return near[0] if len(near) == 1 else word
 
 
+SPELLED = (known_words, spelling)  # what is cached of the tables
+
+
 def _spelled(found: list[Token]) -> list[Token]:
     """Return the words with the names of things and colours as they are spelled, so that every rule knows them."""
-    return [token._replace(text=_spelling(token.text)) for token in found]
+    return [token._replace(text=spelling(token.text)) for token in found]
 
 
 _CALL = re.compile(r"\w\(|\w\[|_\w|\b(?:drawer|fridge|table|cube|gripper|button|lever|wheel|hand|arm|robot)\.\w")
