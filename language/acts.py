@@ -229,24 +229,61 @@ def _without_small_talk(sentence: str, part: Part) -> str:
 
 # ---- Questions
 
-_CHECKED = re.compile(  # "the drawer is empty, no?"
-    r"^([^,.;:!?]*\b(?:is|are|was|were|has|have)\b(?! to\b)[^,.;:!?]*),?\s*"
-    r"\b(?:no|nope|yes|yeah|eh|huh|correct|true)\s*\?\W*$",
-    re.I,
-)
-
-
-_MEASURED = re.compile(  # "correction, make that 5 centimetres"
-    r"^\W*(?:(?:no|correction|actually|wait|sorry|better)\W+)*make (?:it|that|this)(?: just| only)? "
-    r"(?=(?:\d\S*|one|two|three|four|five|six|seven|eight|nine|ten) ?(?:cm|mm|centi|milli|inch))"
-    r"(?P<length>.*?)(?:\W+(?:instead|rather))?\W*$",
-    re.I | re.S,
+_LENGTH = r"(?:\d\S*|one|two|three|four|five|six|seven|eight|nine|ten) ?(?:cm|mm|centi|milli|inch)"
+_PLAINER = tuple(  # a whole sentence -> the same, as other rules know it
+    (re.compile(rf"^\W*{pattern}\W*$", re.I | re.S), plain)
+    for pattern, plain in (
+        (  # "the drawer is empty, no?"
+            r"([^,.;:!?]*\b(?:is|are|was|were|has|have)\b(?! to\b)[^,.;:!?]*),?\s*"
+            r"\b(?:no|nope|yes|yeah|eh|huh|correct|true)\s*\?",
+            r"\1, is it not?",
+        ),
+        (  # "correction, make that 5 centimetres"
+            r"(?:(?:no|correction|actually|wait|sorry|better)\W+)*make (?:it|that|this)(?: just| only)? "
+            rf"({_LENGTH}.*?)(?:\W+(?:instead|rather))?",
+            r"no, \1",
+        ),
+        (  # "wait, that was supposed to be orange, not gray"
+            r"(?:(?:no|wait|sorry|oh|hang on)\W+)*(?:that|it|this) was (?:supposed|meant) to be "
+            r"((?!in\b|on\b|at\b|next\b|left\b|right\b|open|closed|shut)[^,.;]+?)(?:\W+not [^,.;]+?)?",
+            r"no, \1",
+        ),
+        (r"(.+?) (?:is|was) what i (?:said|meant|wanted|asked for|had in mind)\b.*", r"no, \1"),
+        (  # "I didn't say on it, I said beside it"
+            r"i (?:did not|didn['\u2019]?t|never) sa(?:y|id) [^.;]*?[,.;]\s*i (?:said|meant) (.+)",
+            r"no, \1",
+        ),
+        (r"(?:by|with) (?:the )?[\"'“]?(?:the )?[\w ]+?[\"'”]?,? i meant (.+)", r"no, i meant \1"),
+        (
+            r"(?:on second thoughts?|actually|oh wait),? (?:i|we) (?:do not|don['\u2019]?t) (?:need|want)(?: to have)? "
+            r"(?:the |that )?(?:drawer|fridge)(?: open| closed)?",
+            "undo that",
+        ),
+        (  # "red, no wait, yellow"
+            r"(?:(?:um+|uh|er+m?|hm+)\W+)?(?:\w+ ){0,2}\w+\W+no,? wait\W+(\w+(?: \w+){0,2}?)(?:\W+(?:yeah|yes)\W+\1)?",
+            r"\1",
+        ),
+        (  # "can you get out of the way, I need to reach in there"
+            r"(.*\b(?:out of (?:the|my|our) way|step back|back off)\b[^,.;]*)[,.;]\s*(?:i|we) "
+            r"(?:need|want|have|must|am trying)(?: to)? (?:reach|get|look|see|clean|wipe|fix|check)\b.*",
+            r"\1",
+        ),
+        (r"(?:number|no\.|option|nr\.?) ?(?:1|one)", "the first one"),
+        (r"(?:number|no\.|option|nr\.?) ?(?:2|two)", "the second one"),
+        (r"(?:number|no\.|option|nr\.?) ?(?:3|three)", "the third one"),
+        (
+            r"(?:and |then |do |give me )*(two|three|four) more(?: of (?:those|these|them|that)| like that)",
+            r"\1 more times",
+        ),
+    )
 )
 
 
 def plainly(sentence: str) -> str:
-    """Return a statement with a tag as the question that it is, and "make it 5 cm" as the correction that it is."""
-    return _MEASURED.sub(r"no, \g<length>", _CHECKED.sub(r"\1, is it not?", sentence))
+    """Return a statement with a tag as the question that it is, and a correction as one that begins with "no"."""
+    for pattern, plain in _PLAINER:
+        sentence = pattern.sub(plain, sentence)
+    return sentence
 
 
 _OPENING = re.compile(
@@ -323,6 +360,7 @@ _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
 _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
 _TASKS = r"(?:things|stuff|tasks|jobs)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
+    (r"what (?:does|would|will) (?:that|this) leave(?: (?:us|me))?(?: with)? ((?:on|in) .+)", r"what is \1"),
     (rf"what (?:kind|sort|type)s? of {_TASKS} (?:can|could) (?:i|we) (?:ask|tell|get) you to do", "what can you do"),
     (r"what (?:have|did) you got? (?:lying|standing|sitting)(?: around| about)? (?:on|here)\b.*", "what do you see"),
     (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),
@@ -480,6 +518,7 @@ SAME = re.compile(
 )
 _PROPOSED = re.compile(
     r"^why (?:can|could|will|would|do|did) (?:not you|you not) (?P<not>.+)$"
+    r"|^(?:are you able|would you be able|is it possible(?: for you)?) to (?P<able>.+)$"
     r"|^(?:can|could|would) you (?P<told>.+) if i (?:asked|told|wanted|ask|tell|want)(?: you)?(?: to)?$"
     r"|^what (?:would|will|does|happens?)(?: you)?(?: happen| do)? if (?:i|you|we)?(?: said| say| told you to"
     r"| asked you to| ask you to| tell you to| would| will| were to)? ?(?P<command>.+)$"
@@ -503,6 +542,7 @@ def proposal(asked: str) -> str | None:
         else match["command"]
         or match["told"]
         or match["not"]
+        or match["able"]
         or match["mine"]
         or match["ought"]
         or match["asked"]

@@ -46,7 +46,8 @@ _STEPS = r"(?: (?:last |previous )?(?:steps|moves|actions|commands|orders|things
 _N = r"both|two|three|four|five|2|3|4|5"
 _UNDO = re.compile(
     rf"(?:please |now |and |no )*(?:(?:undo|revert|reverse|cancel|take back|rewind|go back)(?: of)?(?: your| my)?"
-    rf"(?: last)? (?P<n>{_N}){_STEPS}|take (?:last )?(?P<n2>{_N}){_STEPS} back)(?: please| again)*"
+    rf"(?: last)? (?P<n>{_N}){_STEPS}|take (?:last )?(?P<n2>{_N}){_STEPS} back)"
+    r"(?: (?:that |which )?(?:you|we|i) (?:just |have )*(?:did|done))?(?: please| again)*"
 )
 NUMBERS = {"both": 2, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 _CHOSEN = re.compile(  # an answer that is said as a wish: "I'd like the red one", "use the blue one for that"
@@ -168,7 +169,7 @@ class Corrections(Replies):
         """Return how many plans are to be undone: "undo the last two", "take both moves back"; 0 in other sentences."""
         text = " ".join(words)
         match = _UNDO.fullmatch(text)
-        return NUMBERS[match["n"] or match["n2"]] if match and len(self.turns) > 1 else 0
+        return NUMBERS[match["n"] or match["n2"]] if match else 0
 
     def _less(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the plan that takes a part of the last move back: a bit, or half of it; None if it was no move."""

@@ -31,7 +31,7 @@ _WHEN = r"(?: (?:just now|before|earlier|first|last|at first|previously|a (?:mom
 _DONE = re.compile(
     rf"(?:\b(?P<rank>first|second|third|last|latest|previous) )?(?:\b(?P<number>two|three) )?(?:\b(?P<color>{COLOR}) )?"
     rf"\b(?P<noun>{_NOUN}|(?<=last )(?:two|three)|(?<=first )(?:two|three)) {_DOER}"
-    rf"(?P<verb>(?!you\b)\w+(?: (?:up|down|out))?)(?! it\b| them\b){_WHEN}"
+    rf"(?P<verb>(?!you\b|before\b|earlier\b)\w+(?: (?:up|down|out))?)(?! it\b| them\b){_WHEN}"
 )
 _ONCE = re.compile(r"^(?:first|second|third|last|latest|previous) |(?:earlier|before|ago|first|last|previously)$")
 _LAST = re.compile(r"\blast (?P<number>two|three)(?: ones| cubes| blocks| things)?(?= back\b)")
@@ -155,9 +155,12 @@ class Recollections(Memory):
         """Return the things with which something was done: the first, the last, the last two."""
         said = match.groupdict()
         acts = acts_of(said["verb"]) if "verb" in said else frozenset(Act)
+        acts = frozenset([Act.TAKE, Act.HOLD]) if said.get("verb") in ("had", "held") else acts
         things = [step.object for step in self._steps() if is_done(step, acts)]
         if not things and self.now.held is not None and acts & {Act.TAKE, Act.HOLD}:  # it was taken before
             things = [self.now.held]
+        if "before" in match[0].split() and len(set(things)) > 1:  # "the one you had before"
+            things = [i for i in things if i != self.now.held]
         meant = colors().get(said.get("color") or "", ())
         cubes = (said.get("noun") or "").startswith(("cube", "block"))
         things = [i for i in things if not meant or self.now.things[i].color in meant]

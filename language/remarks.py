@@ -52,7 +52,7 @@ _OBLIGED = (
 )
 _WISH = (
     r"\b(?:i|we) (?:\w+ )?(?:want|need|like|love|prefer|wish|require|appreciate)\b|\blet (?:me|us) have (?!a )"
-    r"|\b(?:she|he|they|my \w+) (?:would like|wants?|needs?) (?!to |it\b)"
+    r"|\b(?:i|we) will (?:have|take) (?!to\b|a\b)|\b(?:she|he|they|my \w+) (?:would like|wants?|needs?) (?!to |it\b)"
 )
 _CLOSING = "regards|wishes|sincerely|greetings|faithfully|truly|yours|thanks|cheers|love"
 _SIGNED = re.compile(
@@ -99,7 +99,7 @@ _UNSURE = re.compile(r"(?:i|we) (?:forgot|thought|know|said)\b")
 _SUBJECT = (
     r"(?:i|we|you|he|she|they|it|that|this|these|those|there|what|too|so|such|no|not|just|my \w+|your \w+|our \w+|his"
     r" \w+|her \w+|their \w+|everyone|everybody|nobody|people|life|man|dude|boy|(?:ha)+h?|(?:he){2,}|(?:hi){2,}|lol"
-    r"|lmao|rofl|xd|ugh|argh|phew|if (?:you|i|we) (?!\w+ed\b)|\w+ (?:'s|is|are) \w+ing\b)"
+    r"|lmao|rofl|xd|ugh|argh|phew|if (?:you|i|we) (?!\w+ed\b)|\w+ (?:'s|is|are) (?:\w+ing|gone|asleep|away)\b)"
 )
 _LIMITS = (  # words that change what is to be done
     r"(?:only|except|without|instead|unless|until|but not|rather|same|other|others|another|more|less|again|every|each"

@@ -16,7 +16,7 @@ from language.recalling import acts_of, is_done
 from language.revising import tells
 from language.scanning import scan
 from language.steps import allows
-from language.talk import abilities, holds, name, said, seen
+from language.talk import abilities, holds, name, said, seen, where
 from language.verbs import DEVICE_VERBS, KNOWN, Act
 from language.viewpoint import whose_left
 from language.words import GROUPS, NUMBERS
@@ -97,6 +97,28 @@ class SelfAnswers(ABC):
         held = self.world.held is not None
         now = holds(self.world) if held else self._told(self.things[0], "state")
         return f"{told}. {'' if held else 'Now '}{now}"
+
+    def origin(self, match: re.Match[str]) -> str | None:
+        """Say where something was before it was moved last."""
+        things = self.refs(next(filter(None, match.groups())))[1][:1]
+        for turn, plan in reversed(self._plans()):
+            if any(step.object in things for step in plan.steps):
+                self.things = things
+                return f"{name(turn.world, things[0]).split(' in ')[0]} was {where(turn.world, things[0])}"
+        return self._told(things[0], "place") if things else None
+
+    def bears(self, match: re.Match[str]) -> str | None:
+        """Say whether another thing can stand on one."""
+        self.things = things = [i for i in self.refs(match[1])[1] if self.world.is_loose(i)][:1]
+        if not things or self.world.cells:
+            return None
+        upper, below = self.world.above[things[0]], self.world.below[things[0]]
+        if upper is None and below is None:
+            return f"yes: nothing stands on {name(self.world, things[0])}"
+        stands = (upper, things[0]) if upper is not None else (things[0], below)
+        return (
+            f"no: {' stands on '.join(name(self.world, i) for i in stands if i is not None)}, and nothing goes on two"
+        )
 
     def did(self, match: re.Match[str]) -> str | None:
         """Say what was done last or first, how often, or whether and where something was put."""

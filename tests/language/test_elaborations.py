@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from language import Answer, Dialogue, Plan, Refusal
-from tests.helpers.room_cases import BLUE, BUTTON, DRAWER, FRIDGE, HAND, RED, WHEEL, YELLOW, asked_steps
+from tests.helpers.room_cases import BLUE, BUTTON, DRAWER, FRIDGE, HAND, RED, WHEEL, YELLOW, asked_steps, outcome_of
 from tests.helpers.room_cases import larger_room as room
 
 
@@ -130,3 +130,54 @@ def test_a_bit_towards_the_middle_is_a_bit():
 def test_whether_there_is_room_is_told(held, begins):
     outcome = Dialogue().answer("is there still room in the drawer?", replace(room(), inside=held))
     assert outcome.text.startswith(begins)
+
+
+@pytest.mark.parametrize(
+    ("turns", "step"),
+    [
+        ("touch the red cube / wait, that was supposed to be yellow, not red", ("reach", YELLOW)),
+        ("touch the red cube / yellow is what I wanted", ("reach", YELLOW)),
+        ("turn the wheel / two more of those", ("turn", WHEEL)),
+        ("grab yellow / grab blue / give me the one you had before", ("hand_over", YELLOW)),
+        ("put red on yellow / I need the one underneath", ("hand_over", YELLOW)),
+    ],
+)
+def test_a_turn_goes_on_from_the_ones_before(turns, step):
+    outcome = outcome_of(turns, room())
+    assert asked_steps(outcome)[-1] == step
+
+
+@pytest.mark.parametrize(
+    "last",
+    [
+        "ctrl z",
+        "let's pretend that never happened",
+        "on second thoughts we don't need the drawer",
+        "mmm, better before",
+    ],
+)
+def test_what_was_done_is_undone_in_other_words(last):
+    outcome = outcome_of(f"open the drawer / {last}", room())
+    assert (outcome.control, asked_steps(outcome)) == ("undo", [("close", DRAWER)])
+
+
+def test_the_last_two_of_one_thing_undo_that_one():
+    outcome = outcome_of("open the drawer / reverse the last two things you did", room())
+    assert (outcome.control, asked_steps(outcome)) == ("undo", [("close", DRAWER)])
+    assert isinstance(outcome_of("undo the last two things", room()), Refusal)
+
+
+@pytest.mark.parametrize("last", ["where did you find it?", "where did it come from?", "where was it before?"])
+def test_where_a_thing_was_before_is_told(last):
+    world = replace(room(), inside={RED: DRAWER})
+    assert "was in the blue drawer" in outcome_of(f"give me the red cube / {last}", world).text
+
+
+@pytest.mark.parametrize(("turns", "begins"), [("", "Yes"), ("put red on yellow / ", "No")])
+def test_whether_a_thing_bears_another_is_told(turns, begins):
+    assert outcome_of(f"{turns}could the yellow cube take another one on top?", room()).text.startswith(begins)
+
+
+def test_what_a_person_will_have_is_given_and_not_left_out():
+    outcome = Dialogue().answer("put yellow on the cyan one and I'll have red", room())
+    assert asked_steps(outcome)[-1] == ("hand_over", RED)
