@@ -117,7 +117,7 @@ def act_of(words: Sequence[str]) -> str | None:
         act = act_of(negated["rest"].split())
         if act in SIGNALS:
             return "continue" if act in ("stop", "wait", "continue") else "social"
-        return _act_of(words)
+        return None if (act := _act_of(words)) in SIGNALS and act != "stop" else act
     if (act := _act_of(words)) is not None or len(words) > MOST_OF_SIGNAL:
         return act
     act = _act_of(plain.split()) if (plain := plainest(said)) != said else None

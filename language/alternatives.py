@@ -6,7 +6,8 @@ import re
 from abc import abstractmethod
 
 from language.comparing import Comparisons
-from language.scanning import COLOR
+from language.scanning import COLOR, scan
+from language.talk import phrase, real
 
 ALTERNATIVE = re.compile(r" (?:, )?or (?=(?:is|are|has|does) (?:it|they|there|something|anything|some|any|he|that)\b)")
 _EXCEPT = re.compile(
@@ -41,5 +42,7 @@ class Alternatives(Comparisons):
     def _either_question(self, first: str, other: str) -> str | None:
         """Return the answer to "is it here or is it there?": that to the question that is so."""
         told = self._answer_to_next(first)
+        if told is None:  # "can you reach it or is something on it?"
+            self.planner.it = tuple(real(self.world, phrase(self.world, self.planner, scan(first))[1])[:1])
         otherwise = self._answer_to_next(other)
         return otherwise if told is None or (otherwise or "").startswith("Yes") else told

@@ -225,7 +225,7 @@ def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any
         "role": value,
     }
     if category == "number":
-        return {**known, "number": int(value)} if value == int(value) else None
+        return {**known, "number": int(value)} if value == int(value) and 0 < value < 100 else None
     return {**known, key: values.get(category, True), **({"every": True} if category == "both" else {})}
 
 
@@ -284,7 +284,7 @@ class Chart:
                     continue  # "the cube far left"
                 if edge.value in ("nearest", "farthest") and self.lattice.get(edge.end, "relation"):
                     continue  # "the one closest to you"
-                if self.lattice.get(edge.end, "noun"):
+                if self.lattice.get(edge.end, "noun") or self.lattice.text(edge.end) == "one":
                     continue  # "is the red cube the leftmost one"
                 fields = {name: getattr(known, name) for name in _FIELDS} | {"superlative": edge.value}
                 entity = Entity(**fields, span=(known.span[0], edge.end))
@@ -404,7 +404,8 @@ class Chart:
             together = RelationPhrase(edge.value, (Entity("mutual", span=span),), span=span)
             found.append(Item(edge.end, together, edge.cost))
         for edge in get(start, "direction"):
-            for item in [Item(edge.end, None, 0.0), *self.measure(edge.end)]:
+            measures = [item for item in self.measure(edge.end) if item.value.unit != "bit" or item.end > edge.end]
+            for item in [Item(edge.end, None, 0.0), *measures]:
                 relation = RelationPhrase("direction", (), item.value, edge.value, (start, item.end))
                 away = 0.5 * (self.lattice.table and self.lattice.text(start) == "away")  # rather a part of the verb
                 found.append(Item(item.end, relation, edge.cost + item.cost + away))
@@ -500,7 +501,7 @@ class Chart:
         for at in leads:
             for length in self.measure(at):
                 tails = [edge.end for edge in self.lattice.get(length.end, "spaced")]
-                plain = at > start or isinstance(length.value, MiddleDistance)
+                plain = at > start or isinstance(length.value, MiddleDistance) or self.lattice.text(start) == "by"
                 found += [length._replace(end=end) for end in [*tails, *([length.end] if plain else [])]]
         return found
 

@@ -60,7 +60,7 @@ class Comparisons(SelfAnswers):
         world = self.world
         if within := re.fullmatch(r"(?:in|inside)(?: of)? (.+? (?:and|or) .+)", plain):
             boxes = self.subject(re.sub(r"\b(and|or) (?:in|inside) ", r"\1 ", within[1])) or []
-            if boxes:
+            if boxes and all(i in world.containers for i in boxes):
                 return Predicate(lambda i: world.inside.get(i) in boxes if world.is_loose(i) else None, "place")
         side = re.fullmatch(
             r"(?:on|at|to|in) (?:(left|right)(?: hand)?(?: side| half| part)?(?: of table)?|(middle))", plain
@@ -110,11 +110,13 @@ class Comparisons(SelfAnswers):
     def middle(self, match: re.Match[str]) -> str | None:
         """Say which of an odd number of things is in the middle from left to right."""
         loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i) and i not in self.world.inside]
-        if len(loose) % 2 == 0:
+        spoken = [i for i in self.planner.it if i in loose]
+        things = spoken if len(spoken) > 2 else loose
+        if len(things) % 2 == 0:
             return None
         dx, dy = self.world.toward("left")
-        loose.sort(key=lambda i: dx * self.world.things[i].x + dy * self.world.things[i].y)
-        self.things = [loose[len(loose) // 2]]
+        things.sort(key=lambda i: dx * self.world.things[i].x + dy * self.world.things[i].y)
+        self.things = [things[len(things) // 2]]
         return self._told(self.things[0], "place")
 
     def stacked(self, match: re.Match[str]) -> str:
@@ -181,7 +183,7 @@ class Comparisons(SelfAnswers):
     def palette(self, match: re.Match[str]) -> str | None:
         """Name the colours of the things that can be moved."""
         world = self.world
-        self.things = [i for i in range(len(world.things)) if world.is_loose(i)]
+        self.things = [i for i, thing in enumerate(world.things) if world.is_loose(i) and not thing.target]
         return f"there are {self.names(self.things)}" if self.things else None
 
     def more(self, match: re.Match[str]) -> str | None:

@@ -220,7 +220,7 @@ class Conditions(Corrections):
             return None
         trial = self.copy()
         outcome = trial._answer(command, made)
-        if not isinstance(outcome, Plan):
+        if not isinstance(outcome, Plan) or not outcome.steps:
             return None
         trial.remember(outcome, self.now)
         told = Questions(trial.now, trial.planner(), trial.turns).answer(asked)

@@ -156,7 +156,7 @@ class Corrections(Replies):
             return None
         trial = self.copy()
         first = trial._answer(match["first"], made)
-        if not isinstance(first, Plan):
+        if not isinstance(first, Plan) or not first.steps:
             return None
         trial.remember(first, self.now)
         trial.world = first.result or trial.world
@@ -190,16 +190,18 @@ class Corrections(Replies):
     def _turned_round(self, sentence: str) -> Outcome | None:
         """Return the plan that does the last one the other way round: what was put on something goes below it."""
         done, last = self.done(), self.turns[-1].outcome if self.turns else None
-        refused = isinstance(last, Refusal) and last.reading is not None
-        before = self.last if refused else getattr(done and done.outcome, "reading", None)
-        if before is None:
+        refused = isinstance(last, Refusal) and last.reading is not None and last.reason != "already"
+        before = self.last if isinstance(last, Refusal) and refused else getattr(done and done.outcome, "reading", None)
+        if before is None or (refused and getattr(last, "reading", None) is not self.last):
             return None
         if (other := _other_side(before.steps[-1])) is not None:  # "no, the other left"
             return self._tried(sentence, [Reading((*before.steps[:-1], other))], restore=True)
         beside = {place.name for place in before.steps[-1].places} & {*_SIDED, "near", "direction"}
         if re.search(r"\bside\b", sentence.lower()) and not beside:
             return None
-        steps = () if refused else getattr(done and done.outcome, "steps", ())  # on that side nothing was done
+        if not refused and (done is None or not isinstance(done.outcome, Plan)):
+            return None
+        steps = () if refused or done is None else getattr(done.outcome, "steps", ())  # on that side nothing was done
         reading = opposite(before, steps, self.now) or self._across(before, steps)
         return self._settle(sentence, reading) if reading is not None else None
 
@@ -222,7 +224,8 @@ def _other_side(clause: Clause) -> Clause | None:
     if entity is None:
         return None
     exact = getattr(getattr(clause.instruction, "phrase", None), "superlative", None) or ""
-    sides = [*entity.sides, entity.superlative, exact.removesuffix("most")]
+    anchors = [anchor for relation in entity.relations for anchor in relation.anchors if anchor.kind == "side"]
+    sides = [*entity.sides, entity.superlative, exact.removesuffix("most"), *(s for a in anchors for s in a.sides)]
     side = next((TURNED[side] for side in sides if side in ("left", "right")), None)
     return on_other_side(clause, Clause(None, None, (RelationPhrase("direction", value=side),))) if side else None
 
@@ -242,7 +245,7 @@ def _with_words(sentence: str, new: str, old: str) -> str | None:
     kind = "number" if measured else next(whole, None)
     if kind is None:
         return None
-    new = {"number": new.split()[0]}.get(kind, new)
+    new = {"number": new.split()[0]}.get(kind, f"{new} of" if new == "on top" else new)
     if not at:
         at = [(i, edge.end) for i in range(len(lattice)) for edge in lattice.get(i, kind) if not edge.cost]
         longest = [

@@ -143,7 +143,7 @@ class Dialogue(Conditions):
         if (chat := self._stated(sentence, parts)) is not None:
             return chat
         text = without_idle(sentence, parts)
-        if len(parts) > 1 and parts[-1].act in ("no", "stop"):
+        if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Signal(sentence, 1.0, (), span, control="stop", text=f"All right, I do nothing. {_NEXT}")
         if (told := self._then_asks(sentence, parts, made) or self._asked(sentence, text, made)) is not None:
             topic = self._about_topic(sentence, parts, made) if isinstance(told, Refusal) else None
@@ -219,7 +219,7 @@ class Dialogue(Conditions):
                 if about or (any(word not in vocabulary() for word in rest) and len(rest) > 3)
                 else _social(sentence, self.now)
             )
-        if act not in ("stop", "wait"):
+        if act is None or (act not in ("stop", "wait") and not isinstance(outcome, Answer)):
             return None  # other signals are meant only where nothing else is asked for
         if act == "wait" and any(part.act is None and command_word().match(" ".join(part.words)) for part in parts):
             return None  # "no, wait, put it on the blue one"
@@ -239,6 +239,8 @@ class Dialogue(Conditions):
             return _social(text, self.now)
         number, spent = times([token.text for token in words])
         words = [token for at, token in enumerate(words) if at not in spent]
+        if number > 1 and act_of([token.text for token in words]) in ("yes", "again"):
+            return self._again(text, number) or self._nothing(text, "again")
         planner = self.planner(made)
         found = choices(words, planner, times=number)
         likely = sorted(found.readings, key=lambda reading: reading.cost)
@@ -336,7 +338,7 @@ class Dialogue(Conditions):
             return self._undone(sentence, number)
         if act == "again" or (act == "yes" and number > 1):
             return self._again(sentence, number, bool(LITTLE & {*words})) or self._nothing(sentence, "again")
-        if act == "less" and self.done() is not None:
+        if act == "less" and self.done() is not None and self.last is not None:
             return self._less(sentence, words) or self._undone(sentence, number)
         if act == "opposite":
             return self._turned_round(sentence) or self._nothing(sentence, act)
@@ -399,7 +401,7 @@ class Dialogue(Conditions):
         if asked is not None and self.last is not None:
             found = (self._filled(sentence, asked, index) for index in asked.candidates)
             return next((outcome for outcome in found if isinstance(outcome, Plan)), None)
-        asked_of = self.turns[-1].sentence if self.turns else ""
+        asked_of = self.turns[-1].sentence if self.turns and act == "yes" else ""
         command = proposal(asked_of) or asked_deed(asked_of)
         tried = self.copy()._command(command, ()) if command else None
         if isinstance(tried, Plan):
@@ -466,10 +468,11 @@ class Dialogue(Conditions):
         if new is None or old is None or not (old.noun or old.colors or old.relations) or "can you" in before:
             return None
         words_before, words_new = (before.split(), match[1].split())
+        old_words = scan(before)[slice(*old.span)]
         anchored = old.relations[-1].anchors[:1] if old.relations else ()
-        target = anchored[0] if anchored and words_new[0] in _PREPOSITIONS else old
+        target = anchored[0] if anchored and (new.relations or words_new[0] in _PREPOSITIONS) else old
         first, last_word = target.span
-        if target is old and old.relations:
+        if target is old and old.relations and not new.relations and last_word == len(words_before):
             last_word = max(min(each.span[0] for each in old.relations), first + 1)  # "is X left of Y?", "and Z?"
         while first < last_word and words_before[first] in (
             "is",
@@ -483,7 +486,11 @@ class Dialogue(Conditions):
             "in",
         ):
             first += 1
-        return " ".join([*words_before[:first], *words_new[new.span[0] :], *words_before[last_word:]])
+        return (
+            " ".join([*words_before[:first], *words_new[new.span[0] :], *words_before[last_word:]])
+            if old_words
+            else None
+        )
 
     def _told(self, sentence: str, asked: str, rest: str, made: tuple[Gesture, ...] = ()) -> Outcome | None:
         """Return the answer to a question, or the outcome of what is said after it."""
@@ -507,9 +514,9 @@ class Dialogue(Conditions):
                 if (then[1] in ("so", "yes", "it is")) != told.lower().startswith("yes"):
                     return Answer(sentence, 1.0, (), span, about=about, text=told)
                 rest = re.sub(r"^(?:is|are|has|was) ", "", asked) if IT_SHALL.match(then[2]) else then[2]
-            outcome = trial._answer(rest, ())
+            outcome = trial._answer(rest, ()) if parts_of(rest) else None
             self.homeward = trial.homeward
-            if then or isinstance(outcome, Plan | Question):
+            if isinstance(outcome, Plan | Question) or (then and isinstance(outcome, Refusal)):
                 return outcome
         if told is not None:
             return Answer(sentence, 1.0, (), span, about=about, text=told)
@@ -535,8 +542,12 @@ class Dialogue(Conditions):
         about = tried.about
         if isinstance(tried, Plan):
             about = tuple(dict.fromkeys(i for step in tried.steps for i in (step.object, step.goal) if i is not None))
+            goals = {step.goal for step in tried.steps if step.carries}
+            full = [box for box in self.now.containers if box in goals and self.now.contents(box)]
             can = "" if sentence.lower().startswith("what") else "yes, that can be done: "
             text = f"{can}I would {said(self.now, tried.steps)}. Say 'do it' if you want that"
+            if full:
+                text = f"no: one thing fits in {name(self.now, full[0])}, and it is full"
         elif isinstance(tried, Question) and tried.candidates:
             text = f"yes, that can be done, for example with {name(self.now, tried.candidates[0])}: say with which"
         elif isinstance(tried, Signal):

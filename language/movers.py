@@ -60,7 +60,7 @@ class Movers(Steps):
             if clause.entity is None or act in (*BOXES, Act.OPERATE):
                 named = [i for i in named if not self._done(world, act, i)] or named
         if not named or (len(named) > 1 and act not in (*BOXES, Act.OPERATE, Act.UNSTACK)):
-            if plan.it and not world.cells and plan.it[0] < len(world.things):
+            if plan.it and not world.cells and not plan.failure and act is not None and plan.it[0] < len(world.things):
                 yield replace(plan, mover=plan.it[0], entity=clause.entity)
                 return
             named_by = clause.entity or Entity(span=clause.span)
@@ -126,7 +126,7 @@ class Movers(Steps):
     def _is_usable(self, world: WorldModel, act: Act, ref: Ref) -> bool:
         index = ref.things[-1]
         if act in BOXES:
-            return not self._done(world, act, index)
+            return index in world.containers and not self._done(world, act, index)
         if act is Act.OPERATE:
             return index in world.devices
         if act is Act.TOUCH:

@@ -140,7 +140,7 @@ def _of_program(sentence: str, found: list[Token]) -> list[Token]:
         if token.text == "," and verb and sentence[: token.start].count("(") > sentence[: token.start].count(")"):
             box = re.match(r"\W*(?:drawer|fridge|refrigerator)", sentence[token.end :])
             token = token._replace(text="in" if box and _joining()[verb] == "on" else _joining()[verb])
-        if token.text in ("gripper", "arm", "robot"):
+        if token.text in ("gripper", "arm", "robot") and sentence[token.end : token.end + 1] == ".":
             continue
         kept.append(token)
     return kept
@@ -152,12 +152,15 @@ def _undoubled(found: list[Token]) -> list[Token]:
         at = 0
         while at + 2 * size <= len(found):
             one, two = ([token.text for token in found[i : i + size]] for i in (at, at + size))
-            if size > 1 and two[0] in ("please", "yeah", "okay") and one[0] != two[0]:  # "move it please move it"
+            if (
+                size > 1 and two and two[0] in ("please", "yeah", "okay") and one[0] != two[0]
+            ):  # "move it please move it"
                 two = [token.text for token in found[at + size + 1 : at + 2 * size + 1]]
             if (
                 one == two
                 and one[0].isalpha()
                 and not any(word in ",.;!?" for word in one[1:-1])  # "it in the drawer. shut the drawer. shut ..."
+                and "very" not in one
                 and not (size == 1 and one[0] in ("no", "stop", "chop"))
             ):
                 del found[at : at + size]

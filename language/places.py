@@ -125,7 +125,7 @@ def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]
 def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) -> list[Point]:
     """Return the points in a relation to one anchor."""
     name = relation.name
-    if relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
+    if world.cells and relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
         return _beside(world, mover, anchor, "far" if name == "over" else "near", relation.measure)
     if name in _SIDEWAYS and anchor.kind == "board":  # "two squares to the left of the board"
         return _shifted(world, mover, replace(relation, name="direction", value=_SIDEWAYS[name]))
@@ -134,7 +134,7 @@ def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) ->
     if name in ("near", "nearest"):
         return _around(world, mover, anchor)
     if anchor.things:
-        if relation.measure is not None:  # nothing is two cells on a thing
+        if name == "farthest" or relation.measure is not None:  # nothing is two cells on a thing
             return []
         onto = None if world.things[anchor.things[-1]].target else anchor.things[-1]  # a see-through thing is a place
         return [Point(anchor.x, anchor.y, 0.0, onto)] if name in ONTO else []
@@ -170,7 +170,7 @@ def _apart(world: WorldModel, width: float, measure: Measure | None) -> float:
 
 def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Point]:
     thing = world.things[mover]
-    if relation.value in ("up", "down") and relation.measure is not None:
+    if relation.value in ("up", "down") and world.cells and relation.measure is not None:
         relation = replace(relation, value="far" if relation.value == "up" else "near")
     if relation.value in ("up", "top", "down"):
         return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
@@ -204,7 +204,9 @@ def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Po
         if mover in one.things + other.things or one.things == other.things:
             continue
         x, y = (one.x + other.x) / 2, (one.y + other.y) / 2
-        found.append(Point(float(round(x)), float(round(y)), one.cost + other.cost, free=True))
+        if resolver.world.cells and (x != int(x) or y != int(y)):
+            x, y = float(round(x)), float(round(y))
+        found.append(Point(x, y, one.cost + other.cost, free=True))
     return found
 
 
@@ -314,7 +316,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
             near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]), default=None)
             blocked = near not in (None, under) and math.dist((nx, ny), world.things[near][2:4]) < share * thing.width
             x, y, said = float(gx[at]), float(gy[at]), max((wish.length for wish in wishes), default=0.0)
-            moved = math.dist((x, y), (thing.x, thing.y)) if said else said
+            moved = math.dist((x, y), (thing.x, thing.y)) if said and not world.cells else said
             note = elsewhere(world, near if blocked else None, moved, said) if away[at] > GRID else ""
             return Spot(x, y, world.ground, None, cost, "", note)
     near = min(taken, key=lambda i: math.dist((nx, ny), world.things[i][2:4]))
@@ -352,8 +354,7 @@ def _shifts(
         length = length_of(world, measure or last, world.pitch)
         dx, dy = dx + ux * length, dy + uy * length
     if further:  # "on the left, near the front"
-        box = _side_wish(world, [each.value or "left" for each in directions], False)
-        return [box]
+        return [_side_wish(world, [each.value or "left" for each in directions], False)]
     if (dx, dy) == (0.0, 0.0):
         return []
     said = any(each.measure is not None and each.measure.unit != "bit" for each in directions)
@@ -436,7 +437,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
         return [_near_point(other.x, other.y, 0.16, "the marked place")] if name in (*ONTO, "spot_of") else []
     if name == "spot_of":
         return [_near_point(other.x, other.y, 0.03, f"the place of {a_name(world, anchor)}")]
-    if name in ("to", "at"):
+    if name in ("to", "at") and not (name == "at" and relation.value):
         return [_ring(world, mover, anchor, what, relation)]
     if name in ONTO:
         found = settle(world, mover, Point(other.x, other.y, 0.0, anchor))
@@ -518,7 +519,7 @@ def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase,
         moved = np.hypot(x - thing.x, y - thing.y) > 0.004
         return moved & ((now < before - 0.022) if relation.name == "toward" else (now > before + 0.012))
 
-    if relation.name == "farthest":
+    if relation.name == "farthest" and not bit:
         corners = [(x, y) for x in world.bounds[:2] for y in world.bounds[2:]]
         return _Wish(*max(corners, key=lambda corner: math.dist(corner, (other.x, other.y))), fits, what=what)
     said = abs(step) * (relation.measure is not None and relation.measure.unit != "bit")

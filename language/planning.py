@@ -60,7 +60,7 @@ class Planner(Several):
         )
         if len(steps) > 1 and all("is full" in each.failure for each in found):
             found = self._made_room(steps, reading.arbitrary) or found
-        forbidden = [clause for clause in steps if clause.negated]
+        forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
         return [self._allowed(finished(each), forbidden) for each in found]
 
     def _made_room(self, steps: tuple[Clause, ...], arbitrary: bool) -> list[Draft]:
@@ -108,7 +108,7 @@ class Planner(Several):
     def _either(self, plan: Draft, clause: Clause, last: bool) -> Iterable[Draft]:
         """Return the plans with one more clause; of "the drawer or the fridge" with the first that can be done."""
         entity = clause.entity
-        if entity is None or entity.kind != "list" or not entity.any:
+        if entity is None or entity.kind != "list" or not entity.any or clause.negated:
             return self._after(plan, clause, last)
         found = [list(self._after(plan, replace(clause, entity=part), last)) for part in entity.parts]
         return next((drafts for drafts in found if any(not each.failure for each in drafts)), found[0])
@@ -353,10 +353,10 @@ def _without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
 
 
 def _spoken(clause: Clause) -> bool:
-    """Whether a clause says "it" of what was named before as its place: "put the cube in it"."""
+    """Whether a clause says "it" of what was named before: as its object, or as its place, "put the cube in it"."""
     named = any(a.kind == "it" for place in clause.places for a in place.anchors)
     there = any(place.name in ("here", "into") and not place.anchors for place in clause.places)
-    return named or there
+    return named or there or (clause.entity is not None and clause.entity.kind == "it")
 
 
 def _touched_next(before: Clause | None, clause: Clause) -> Clause | None:

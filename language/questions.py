@@ -36,18 +36,8 @@ _ADDING = re.compile(
     r"|there|then|in this room|in room|here|somewhere|anywhere)\b ?"
 )
 _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": False, "close": False}
-_OPERATED = {
-    "pressed": 1,
-    "down": 1,
-    "switched": 1,
-    "turned": 1,
-    "moved": 1,
-    "flipped": 1,
-    "pushed": 1,
-    "on": 1,
-    "up": 0,
-    "off": 0,
-}
+_OPERATED = dict.fromkeys(("pressed", "down", "switched", "turned", "moved", "flipped", "pushed", "on"), 1)
+_OPERATED |= {"up": 0, "off": 0}
 _GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to")  # a phrase that ends so is not whole
 _SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
 _CLOSE = r"(?:right|directly|just|immediately)"
@@ -128,6 +118,14 @@ class Questions(Alternatives):
         things = real(self.world, found)
         if entity is not None and entity.role == "target":
             things = [ref.things[-1] for ref in found if ref.things]
+        if (
+            entity is not None
+            and entity.kind == "it"
+            and not entity.plural
+            and self.planner.box is not None
+            and not things
+        ):
+            things = [self.planner.box]
         if entity is not None and entity.colors and not entity.plural and self._names_no_kind(tokens, entity.span):
             things = [i for i in things if self.world.is_loose(i)] or things  # "where is the red one?"
         self.things = things
@@ -135,7 +133,7 @@ class Questions(Alternatives):
 
     def _names_no_kind(self, tokens: list[Token], span: tuple[int, int]) -> bool:
         """Whether a phrase ends with a colour or with "one"."""
-        last = tokens[span[1] - 1].text
+        last = tokens[span[1] - 1].text if span[1] else ""
         return last == "one" or re.fullmatch(COLOR, last) is not None
 
     def _says_more(self, tokens: list[Token], span: tuple[int, int]) -> bool:
@@ -165,9 +163,9 @@ class Questions(Alternatives):
             loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i)]
             return [*self.planner.it] if len(self.planner.it) > 1 else [*self.world.containers] or loose
         if re.fullmatch(r"(?:it|that|this|that one|this one|there|inside)", text):
-            return list(self.planner.it[:1]) or None
+            return list(self.planner.it[:1]) or ([self.planner.box] if self.planner.box is not None else None)
         if beside := re.search(rf"\b{_CLOSE} (?={_SIDE}\b(?: of)? (?P<anchor>.+))", text):
-            return self._nearest(self.refs(text.replace(beside[0], ""))[1], beside["anchor"])
+            return self._nearest(self.refs(text.replace(beside[0], ""))[1], beside["anchor"]) or None
         words = re.split(r" (?:and|or|,) (?:(?:and|or) )?", text)
         noun = re.search(rf"(?:{COLOR}) ({THING})$", words[-1])  # "the red and the blue cube"
         parts = [self.refs(f"{part} {noun[1]}" if noun and re.fullmatch(COLOR, part) else part) for part in words]
@@ -190,7 +188,8 @@ class Questions(Alternatives):
         return Predicate(lambda i: None if (so := found.holds(i)) is None else not so, found.about)
 
     def _state(self, plain: str) -> Predicate | None:
-        world, boxes, devices = self.world, self.world.containers, self.world.devices
+        world, word = self.world, plain.split()[-1] if plain else ""
+        boxes, devices = world.containers, world.devices
         if plain in _STATES:
             return Predicate(lambda i: (i in world.open) == _STATES[plain] if i in boxes else None, "state")
         if plain in _OPERATED or (
@@ -204,7 +203,7 @@ class Questions(Alternatives):
             return Predicate(lambda i: world.below[i] is not None or world.above[i] is not None, "place")
         if plain in ("empty", "full", "free", "occupied", "taken", "vacant", "in use"):
             full = plain in ("full", "occupied", "taken", "in use")
-            enclosing = (*boxes, world.hand)
+            enclosing = (*boxes, *([world.hand] if world.hand is not None else []))
             return Predicate(lambda i: bool(world.contents(i)) == full if i in enclosing else None, "content")
         if re.fullmatch(rf"(?:{COLOR})(?: colou?red)?", plain):
             meant = colors()[plain.split()[0]]
@@ -214,7 +213,7 @@ class Questions(Alternatives):
         if kinds := _kinds(plain):
             return Predicate(lambda i: world.things[i].kind in kinds, "kind")
         held = r"^(?:held|held by you|holding|you hold|you holding)$"
-        if re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
+        if word == "held" or re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
             return Predicate(lambda i: i == world.held, "place")
         if plain in ("blocked", "covered", "buried", "obstructed", "trapped", "in way", "accessible", "reachable"):
             within = world.inside
@@ -306,7 +305,7 @@ class Questions(Alternatives):
         if about == "size":
             wide = "a cell" if world.cells else f"{100 * world.things[index].width:.0f} cm"
             return f"{plain} {'has room for one thing' if index in world.containers else f'is {wide} wide'}"
-        if about == "state":
+        if about == "state" or (about != "place" and not world.is_loose(index)):
             return state(world, index)
         return f"{plain} is {where(world, index)}"
 
@@ -391,9 +390,9 @@ class Questions(Alternatives):
         told = None
         for side in (f"{each} of" if each in ("left", "right", "in front") else each for each in sides):
             found = self.split(f"{subject} {side} {other}")
-            if found is None or len(found[0]) != 1:
+            things = [i for i in found[0] if self.world.is_loose(i)] if found else []
+            if found is None or len(things) != 1:
                 return None
-            things = found[0]
             if found[1].holds(things[0]):
                 beside = self.names(self.subject(other) or [])
                 self.things = things
@@ -426,7 +425,7 @@ class Questions(Alternatives):
         """Name the things of which something is so."""
         text, _, among = match[0].partition(" , ")
         if re.fullmatch(r"(?:what|which) (?:ones?|of them|cubes?|blocks?)(?: exactly)?", text) and self.turns:
-            self.things = [i for turn in reversed(self.turns) for i in turn.about][:12]
+            self.things = [i for turn in reversed(self.turns) for i in turn.about if turn.about][:12]
             return f"I mean {self.names(self.things)}" if self.things else None
         text = _with_nouns(re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text))
         if re.search(r"\w (?:on|in|inside|under|next to|near|behind|at)$", re.sub(rf"^{_BE}", "", text)):  # "it is on"
@@ -438,9 +437,9 @@ class Questions(Alternatives):
         )
         joint = re.search(rf"(?:^|(?<= )){_BE}(?= )", text)
         head, rest = (text[: joint.start()].strip(), text[joint.end() :].strip()) if joint else ("", text)
-        if not rest:
+        if rest.startswith("or ") or not rest:
             return None
-        if re.match(_BEST, rest) and not among and (best := self.best(rest, head or "cube")):
+        if re.match(_BEST, rest) and not among and (best := self.best(rest, head or (noun[0] if noun else "cube"))):
             return best
         negated = "not " if rest.startswith("not ") else ""
         stated = self.predicate(rest)
@@ -521,7 +520,7 @@ class Questions(Alternatives):
         if not things:
             return None
         self.things, boxes = things, [i for i in things if i in self.world.containers]
-        told = [self._told(i, "state") for i in things[:3]]
+        told = [self._told(i, "state" if i in boxes or not self.world.is_loose(i) else "place") for i in things[:3]]
         return "; ".join([*told, *(self._told(i, "content") for i in boxes[:3])])
 
     def capacity(self, match: re.Match[str]) -> str | None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from language.acts import question
+from language.acts import act_of, question
 from language.errors import NotUnderstood
 from language.later import later_time
 from language.lattice import Lattice, vocabulary
@@ -91,6 +91,8 @@ class Recollections(Memory):
         Raises NotUnderstood if it tells a thing by what was not done.
         """
         places: list[tuple[int, Gesture]] = []
+        if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
+            return Recalled(sentence)
         for find in (self._by_name, self._by_deed, self._by_order, self._by_base, self._by_stand):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
@@ -184,7 +186,7 @@ class Recollections(Memory):
         text = _words(scan(sentence))
         for match in _AGAIN.finditer(text):  # "now the first one again"
             order = self._done_alike()
-            if match["noun"] and abs(_RANKS[match["rank"]]) < len(order):
+            if match["noun"] and len(order) > 1 and abs(_RANKS[match["rank"]]) < len(order):
                 yield match, name(self.now, order[_RANKS[match["rank"]]])
         said, last = self.open_question(), self.turns[-1].outcome if self.turns else None
         offered = said.candidates if said is not None else last.about if isinstance(last, Answer) else ()
@@ -225,7 +227,7 @@ class Recollections(Memory):
     def _by_stand(self, sentence: str) -> Iterator[tuple[re.Match[str], str | Gesture]]:
         text = _words(scan(sentence))
         match = _STOOD.search(text)
-        if match is None or question(text) or _POINTS.search(text):
+        if match is None or not match.start() or question(text) or _POINTS.search(text):
             return
         things = self._things(match["what"] or match["owner"])
         rest = self.planner().rests.get(things[0]) if len(things) == 1 else None

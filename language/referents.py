@@ -226,6 +226,11 @@ def best(refs: list[Ref], score: Callable[[Ref], float], tie: float, number: int
     return [ref for ref, value in zip(refs, scores, strict=True) if value <= least + tie]
 
 
+def without(relation: RelationPhrase, entity: Entity) -> tuple[RelationPhrase, ...]:
+    """Return the other relations of an entity."""
+    return tuple(other for other in entity.relations if other is not relation)
+
+
 def relation_cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchors: Sequence[Anchors]) -> float | None:
     """Return the cost of a relation of a referent to the cheapest of its anchors' referents, or None if none holds."""
     if relation.name == "into":

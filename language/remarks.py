@@ -227,7 +227,7 @@ def _unsigned(found: list[Token]) -> list[Token]:
     """Return the words without a name under them: "best regards, Hannelore"."""
     text = " ".join(token.text for token in found)
     signed = _SIGNED.search(text)
-    if not signed or not signed.start() or re.search(_THING + r"\b", signed["who"]):
+    if not signed or not signed.start() or len(signed["who"].split()) > 4 or re.search(_THING + r"\b", signed["who"]):
         return found
     return found[: text[: signed.start()].count(" ")]
 

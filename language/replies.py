@@ -100,6 +100,8 @@ class Replies(Recollections):
         corrects = reply.rejects or _MEANT.search(sentence)
         if corrects and self.last is not None and (side := on_other_side(self.last.steps[-1], clause)) is not None:
             return self._tried(sentence, [Reading((*self.last.steps[:-1], side))], found, restore=True)
+        if asked is None and clause.entity is None and (other := self._other_place(sentence, clause)) is not None:
+            return other
         if asked is not None and (ordered := self._in_that_order(asked, clause)) is not None:
             return self._tried(sentence, [ordered], found)
         if asked is not None and not reply.rejects:
@@ -111,7 +113,7 @@ class Replies(Recollections):
                 return chosen
         if self.last is None:
             return None if clause.entity is None else self._what(sentence, clause.entity)
-        if self._unshown(clause.entity, found):
+        if self._unshown(clause.entity, found) and not clause.places:
             return Question(sentence, 0.0, text="Which thing do you mean? Name it, or point at it", reading=self.last)
         if world.held is not None and clause.entity is None and not world.cells:
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
@@ -160,7 +162,7 @@ class Replies(Recollections):
     def _higher(self, reading: Reading) -> Reading:
         """Return a reading whose place was said before as on top of the tower that is there since."""
         *before, clause = reading.steps
-        if clause.act is Act.BUILD and self.it:
+        if clause.act is Act.BUILD and clause.entity is not None and clause.entity.kind == "thing" and self.it:
             return Reading((Clause(CARRY, clause.entity, (RelationPhrase("on", (pinned(self.it[0]),)),)),))
         place = next((each for each in clause.places if each.name == "on" and each.anchors), None)
         said = (
@@ -234,10 +236,10 @@ class Replies(Recollections):
             return corner
         match = _LEVEL.match(text)
         last = self.last.steps[-1] if self.last is not None else None
-        if match is None or last is None or last.act is not Act.BUILD:
+        if match is None or last is None or last.act is not Act.BUILD or self.now.flat_only:
             return None
         named = phrase(self.now, self.planner(), scan(match["thing"]))[1]
-        if not any(ref.things[-1] in self.it for ref in named if ref.things):  # the tower grows
+        if self.it and not any(ref.things[-1] in self.it for ref in named if ref.things):  # the tower grows
             return None
         return f"stack them all, {match['thing']} at the {match['level']}"
 
@@ -277,10 +279,10 @@ class Replies(Recollections):
             else ()
         )
         moved = [step.object for step in steps if step.carries and not step.implied]
-        if match is None or world.cells or not moved or not anchors:
+        if match is None or world.cells or world.held is not None or not moved or not anchors:
             return None
         refs = self.planner().resolver(world, (), None).resolve(anchors[-1])
-        if not refs or not refs[0].things:
+        if not refs or not refs[0].things or refs[0].things[-1] == moved[-1]:
             return None
         other, comes = refs[0].things[-1], not match["how"].startswith(("further", "farther"))
         measure = Measure(1.0, "bit") if LITTLE & {*text.split()} else None
@@ -297,6 +299,25 @@ class Replies(Recollections):
         """Whether a phrase is "it" or "this one", and nothing is shown to which that could refer."""
         shows = {*POINTING, *HERE} & {token.text for token in found.lattice.tokens}
         return is_unshown(entity) and (bool(shows) or (entity is not None and entity.kind == "it"))
+
+    def _other_place(self, sentence: str, clause: Clause) -> Outcome | None:
+        """Return what comes of "on the other one" after something was put on or in one thing; None of other words."""
+        anchor = next((anchor for place in clause.places for anchor in place.anchors if anchor.other), None)
+        plans = [turn.outcome for turn in self.turns[-3:] if isinstance(turn.outcome, Plan)]
+        carried = [step for plan in plans for step in plan.steps if step.carries and step.goal is not None]
+        if anchor is None or anchor.noun or anchor.colors or not carried or self.last is None:
+            return None
+        mover, goal, world = carried[-1].object, carried[-1].goal, self.now
+        assert goal is not None
+        left = [i for i in range(len(world.things)) if i not in (mover, goal)]
+        kind = world.things[goal].target, world.is_loose(goal)
+        others = tuple(i for i in left if (world.things[i].target, world.is_loose(i)) == kind) or tuple(left)
+        if len(others) == 1:
+            place = replace(clause.places[0], anchors=(pinned(others[0]),))
+            return self._tried(sentence, [Reading((Clause(CARRY, pinned(mover), (place,)),))])
+        if not others:
+            return None
+        return Question(sentence, 0.5, text=which(world, others), candidates=others, reading=self.last)
 
     def _named(self, sentence: str, words: list[Token], found: Choices) -> Outcome | None:
         """Return the plan of a reply of which only a phrase is understood: "let me think, the gray one I guess"."""
@@ -361,7 +382,7 @@ class Replies(Recollections):
         if not named or self.last is None:
             return None
         if len(named) > 1 and not entity.any:
-            if len(named) == len(among):
+            if not among or len(named) == len(among):
                 return None
             return Question(sentence, 0.5, text=which(self.now, named), candidates=tuple(named), reading=self.last)
         return self._filled(sentence, asked, named[0], found)
@@ -386,7 +407,7 @@ class Replies(Recollections):
             return None
         slots = ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
         name_of = "in" if index in self.now.containers else "on"
-        tried = [filled(self.last, pinned(index), slot, name_of) for slot in slots]
+        tried = [each for slot in slots if (each := filled(self.last, pinned(index), slot, name_of)) is not None]
         return self._tried(sentence, tried, found)
 
     def _asks_goal(self, asked: Question) -> bool:
@@ -394,7 +415,7 @@ class Replies(Recollections):
         if self.last is None:
             return False
         clause = self.last.steps[-1]
-        if clause.act in (Act.TAKE, Act.HOLD):
+        if clause.act in (Act.TAKE, Act.HOLD) and not clause.places and clause.entity is not None:
             return False
         if clause.entity is None or clause.entity.kind == "it":
             return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)
@@ -433,7 +454,7 @@ class Replies(Recollections):
             return None
         shifts = any(place.name == "direction" for step in reading.steps for place in step.places)
         if shifts:  # from where it stood before
-            return plan if not any(step.goal is not None for step in back) else None
+            return plan if not any(step.goal is not None or step.act in (Act.OPEN, Act.SHUT) for step in back) else None
         planner = self.planner()
         outcome = settled(sentence, choices_of([reading], planner, found), planner)
         carried = {step.object for step in getattr(outcome, "steps", ()) if step.carries}

@@ -46,7 +46,7 @@ def is_unshown(entity: Entity | None) -> bool:
     return entity.kind == "it" or (entity.kind == "thing" and not tells(entity))
 
 
-def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading:
+def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading | None:
     """Return the last reading with a thing as its object, or as the anchor of its place. relation: if it had none."""
     clause = last.steps[-1]
     if slot == "object":
@@ -82,10 +82,11 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
     if clause.entity is not None and rejected is not None and len(anchors) == 1:  # "I meant X, not Y": Y says which
         new = replace(clause.entity, relations=tuple(r for r in clause.entity.relations if r.name != "not"))
         if rejected.colors and rejected.colors == anchors[0].colors:
-            return [filled(last, replace(new, noun=new.noun or anchors[0].noun), "goal")]
+            changed = filled(last, replace(new, noun=new.noun or anchors[0].noun), "goal")
+            return [changed] if changed is not None else []
     if clause.entity is not None:
         phrases = _completed(last.steps, clause.entity)
-        objects = [Reading(_replaced(last.steps, phrase)) for phrase in phrases]
+        objects = [Reading(each) for phrase in phrases if (each := _replaced(last.steps, phrase))]
         goals = filled(last, clause.entity, "goal") if anchors and clause.entity.kind == "thing" else None
         meant = [goals] if goals is not None and (clause.entity.noun in ENCLOSING or clause.entity.role) else []
         return [*meant, *objects] if clause.entity.role == "target" else [*objects, *meant]
@@ -106,6 +107,8 @@ def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
     at = max(i for i, step in enumerate(last.steps) if any(len(place.anchors) == 1 for place in step.places))
     old = last.steps[at].places[0].anchors[0]
     put = filled(Reading((replace(last.steps[at], entity=one),)), other, "goal")
+    if put is None:
+        return []
     noun = old.noun if old.noun in ENCLOSING else None
     steps = [
         replace(each, entity=other) if noun and each.entity is not None and each.entity.noun == noun else each
@@ -114,15 +117,17 @@ def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
     return [replace(last, steps=(*steps[:at], *put.steps, *steps[at + 1 :]), cost=0.0)]
 
 
-def _object_clause(steps: tuple[Clause, ...]) -> int:
-    """Return the index of the last clause that names its object, or else of the last one."""
+def _object_clause(steps: tuple[Clause, ...]) -> int | None:
+    """Return the index of the last clause that names its object."""
     named = [at for at, step in enumerate(steps) if step.entity is not None and step.entity.kind != "it"]
-    return named[-1] if named else len(steps) - 1
+    return named[-1] if named else (len(steps) - 1 if steps else None)
 
 
-def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...]:
+def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...] | None:
     """Return the clauses with another object in the last that names one, and in those before with the same thing."""
     at = _object_clause(steps)
+    if at is None:
+        return None
     shown = getattr(steps[at].entity, "pointed", None)
     alike = [shown is not None and getattr(step.entity, "pointed", None) == shown for step in steps]
     return tuple(replace(step, entity=entity) if i == at or alike[i] else step for i, step in enumerate(steps))
@@ -130,7 +135,8 @@ def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...]:
 
 def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:
     """Return the new phrase with the words of the old one that it lacks: noun and colour, noun, or nothing."""
-    old = steps[_object_clause(steps)].entity
+    at = _object_clause(steps)
+    old = None if at is None else steps[at].entity
     if old is None or new.kind != "thing" or old.kind != "thing":
         return [new]
     if new.noun is not None:  # "touch something blue", "the cube"
@@ -158,7 +164,7 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
     if len(steps) > 1 and len(touched) == len(steps):  # in the other order
         return Reading(tuple(Clause(step.verb, pinned(step.object)) for step in reversed(steps)))
     carried = [step for step in steps if step.carries and not step.implied]
-    if clause.act is Act.GATHER:  # a row
+    if clause.act is Act.GATHER and len(carried) > 1:  # a row
         row = Entity("list", parts=tuple(pinned(step.object) for step in reversed(carried)))
         return Reading((Clause(clause.verb, row),))
     pair = {step.object: step.goal for step in carried}
@@ -307,14 +313,15 @@ def _steps_back(world: WorldModel, then: WorldModel, index: int, spot: tuple[flo
 def only_verb(clause: Clause, verb: str) -> Clause:
     """Return a clause where one verb alone is possible: what is only named, and where to go, are its object."""
     entity, robot = clause.entity, clause.entity is not None and clause.entity.kind == "robot"
-    if clause.act not in (None, Act.CARRY) or (clause.act is Act.CARRY and not (entity is None or robot)):
+    shown = entity is not None and entity.pointed is not None
+    if clause.act not in (None, Act.CARRY) or (clause.act is Act.CARRY and not (entity is None or robot or shown)):
         return clause
     if (entity is None or robot) and clause.places and all(_is_there(place) for place in clause.places):
         return replace(clause, verb=verb, entity=Entity("it", span=clause.span), places=())
     at = [place for place in clause.places if place.name in _GOING and place.anchors]
     if at:  # "go there", "on the red one"
         return replace(clause, verb=verb, entity=at[-1].anchors[-1], places=())
-    if entity is not None and not robot:
+    if entity is not None and not robot and all(place.name in ("here", "order") for place in clause.places):
         return replace(clause, verb=verb, places=tuple(place for place in clause.places if place.name == "order"))
     beside = [place for place in clause.places if place.anchors] if entity is None else []
     return replace(clause, verb=verb, entity=Entity(relations=tuple(beside)), places=()) if beside else clause

@@ -87,7 +87,7 @@ def verb_words() -> str:
 def said(verb) -> list[str]:
     """Return the phrases of a verb: the words before the object in its templates, and its further words."""
     own = [template.removesuffix(f" {OBJECT}") for template in verb.templates if template.endswith(OBJECT)]
-    own = [phrase for phrase in own if verb.act is not Act.HOLD]
+    own = [phrase for phrase in own if "{" not in phrase and verb.act is not Act.HOLD]
     return list(dict.fromkeys([*own, *(phrases(verb.words) if verb.words else [])]))
 
 

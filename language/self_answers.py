@@ -15,6 +15,7 @@ from language.planning import Planner
 from language.recalling import acts_of, is_done
 from language.revising import tells
 from language.scanning import scan
+from language.spots import is_elsewhere
 from language.steps import allows
 from language.talk import abilities, holds, name, said, seen, where
 from language.verbs import DEVICE_VERBS, KNOWN, Act
@@ -90,9 +91,10 @@ class SelfAnswers(ABC):
         if not plans:
             return "I have done nothing yet"
         turn, plan = plans[-1]
-        self.things = [plan.steps[-1].object]
+        asked = [step for step in plan.steps if not step.implied] or plan.steps
+        self.things = [asked[-1].object]
         told = turn.ending or f"I did this: {said(turn.world, plan.steps)}"
-        if plan.steps[-1].act is Act.TOUCH:
+        if asked[-1].act is Act.TOUCH:
             return told
         held = self.world.held is not None
         now = holds(self.world) if held else self._told(self.things[0], "state")
@@ -132,7 +134,7 @@ class SelfAnswers(ABC):
             if not {Act.OPEN, Act.SHUT, Act.OPERATE, Act.TOUCH} & set(acts):
                 things = [i for i in things if self.world.is_loose(i)] or things  # "did you put the red one away?"
             steps = [step for _, plan in plans for step in plan.steps if step.object in things]
-            done = any(is_done(step, acts) for step in steps)
+            done = any(is_done(step, acts) for step in steps) if acts else bool(steps)
             return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"
         if text.startswith("how many"):
             told = "; then ".join(said(turn.world, plan.steps) for turn, plan in plans)
@@ -179,12 +181,12 @@ class SelfAnswers(ABC):
         return "nothing more: I have done what you asked for. Say what I shall do next"
 
     def done(self, match: re.Match[str]) -> str | None:
-        """Say whether what was asked for last has been done, or whether something fell meanwhile."""
+        """Say whether what was asked for last has been done, or whether a thing that was moved has fallen since."""
         plans, text = self._plans(), match.string
         told = self.account()
         if not plans:
             return f"no: {told}"
-        turn, _ = plans[-1]
+        turn, plan = plans[-1]
         acts = {KNOWN[edge.value].act for i in range(1, 5) for edge in Lattice(scan(text)).get(i, "verb")}
         acts &= {Act.OPEN, Act.SHUT}
         if acts:
@@ -193,10 +195,15 @@ class SelfAnswers(ABC):
             return (
                 None if box is None else f"{'yes' if shut and shut.act in acts else 'no'}: {self._told(box, 'state')}"
             )
+        after = plan.result or self.world
+        fell = bool(turn.ending) or any(
+            self.world.is_loose(i) and i != self.world.held and (i == after.held or is_elsewhere(self.world, after, i))
+            for i in {step.object for step in plan.steps}
+        )
         asks_fall = re.search(
             r"\b(?:fall|fell|fallen|drop|dropped|slip|slipped|tip|tipped|lose|miss|missed|break)\b", text
         )
-        return f"{'yes' if bool(turn.ending) == bool(asks_fall) else 'no'}: {told}"
+        return f"{'yes' if fell == bool(asks_fall) else 'no'}: {told}"
 
     def harm(self, match: re.Match[str]) -> str | None:
         """Say whether something was broken or dropped, as far as the robot can tell."""
@@ -259,6 +266,8 @@ class SelfAnswers(ABC):
         """Say whether something can be done here."""
         lattice, world = Lattice(scan(match[1])), self.world
         acts = {KNOWN[edge.value].act for edge in lattice.get(0, "verb")}
+        if not acts:
+            return None
         devices = {edge.value for i in range(len(lattice)) for edge in lattice.get(i, "noun")} & {*DEVICES}
         if acts <= {Act.NEVER} or (Act.NEVER in acts and not devices):
             return f"no, I cannot {match[1]}: no arm of this kind does that"
@@ -301,9 +310,11 @@ class SelfAnswers(ABC):
     def purpose(self, match: re.Match[str]) -> str | None:
         """Say what can be done with a thing: "what is the lever for?"."""
         world = self.world
-        things = self.refs(next(filter(None, match.groups())))[1]
+        entity, things = self.refs(next(filter(None, match.groups())))
+        if self.pointed and entity is not None and entity.kind == "it":
+            things = list(self.pointed)
         several, self.things = len(things) > 1, things[:1]
-        if not things:
+        if entity is None or not things:
             return None
         kind = world.things[things[0]].kind
         thing = f"a {kind}" if several else name(world, things[0])
@@ -388,6 +399,8 @@ class SelfAnswers(ABC):
     def allowed(self, match: re.Match[str]) -> str | None:
         """Name the things with which something can be done: "which things can you open?"."""
         acts = {KNOWN[edge.value].act for edge in Lattice(scan(match[1])).get(0, "verb")}
+        if not acts or acts & {Act.NEVER} == acts:
+            return None
         acts = acts & {Act.OPEN, Act.SHUT, Act.OPERATE} or acts
         things = [i for i, thing in enumerate(self.world.things) if not thing.target]
         self.things = [i for i in things if any(allows(self.world, act, i) for act in acts - {Act.NEVER})]

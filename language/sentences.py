@@ -349,7 +349,7 @@ class _Sentences:
         return found + [
             Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.9, i.skipped)
             for i in self.objects(at, True)
-            if is_several(i.value) and i.value.kind != "stack"
+            if (is_several(i.value) and i.value.kind != "stack") or i.value.plural
         ]
 
     def _tower(self, at: int) -> list[Item]:
@@ -399,7 +399,7 @@ class _Sentences:
                     clause = Clause(meant, both, span=(start, other.end))
                     found.append(Item(other.end, clause, base + other.cost, entity.skipped | other.skipped))
         for edge in self.lattice.get(entity.end, "done"):  # "have the drawer opened"
-            if KNOWN[verb].act in (Act.GIVE, Act.CARRY):
+            if KNOWN[verb].act in (Act.GIVE, Act.CARRY) and not entity.value.single:
                 clause = Clause(edge.value, entity.value, span=(start, edge.end))
                 found.append(Item(edge.end, clause, entity.cost + edge.cost + 0.3, entity.skipped))
         return found

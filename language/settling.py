@@ -117,7 +117,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
-    tidying = [c for c in found.failed if _tidies(c)]
+    tidying = [c for c in found.failed if _tidies(c, top)]
     lasts = [c.reading.steps[-1] for c in (*found.possible, *found.failed) if not c.reading.unused]
     moves = any(last.act is Act.CARRY and last.places for last in lasts)  # "shift the cube 20 cm to the right"
     never = [c for c in found.failed if c.plan.reason == "never" and not (moves and c.plan.failure == "unturnable")]
@@ -137,7 +137,7 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         guessed = any("verb" in e and found.lattice.is_corrected(i) for i, e in enumerate(found.lattice.edges))
         rivals = [c for c in close if c is not top and (guessed or c.reading is top.reading)]
         corners = {anchor.kind for step in top.reading.steps for place in step.places for anchor in place.anchors}
-        if corners == {"corner"} and all(_things(c) == _things(top) for c in rivals):
+        if corners == {"corner"} and all(c.reading is top.reading and _things(c) == _things(top) for c in rivals):
             rivals = []  # one of two corners on the left
     if rivals and _changes_roles([top, *rivals], planner):
         rivals = []
@@ -174,11 +174,12 @@ def _is_so(choice: Choice) -> bool:
     return choice.plan.reason == "already" and not choice.reading.unused
 
 
-def _tidies(choice: Choice) -> bool:
-    """Whether several things shall go "away", where nobody says."""
-    clause = choice.reading.steps[-1]
+def _tidies(choice: Choice, top: Choice) -> bool:
+    """Whether several things shall go "away", where nobody says. top: the plan that would move one a bit away."""
+    clause, other = choice.reading.steps[-1], top.reading.steps[-1]
     several = clause.entity is not None and clause.entity.plural and not choice.reading.unused
-    return clause.act is Act.TIDY and several
+    aside = other.places and all(place.name == "direction" for place in other.places)
+    return clause.act is Act.TIDY and several and bool(aside)
 
 
 def _changes_roles(close: list[Choice], planner: Planner) -> bool:
@@ -213,7 +214,7 @@ def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> 
     if not strange:
         return None
     whole = [choice for choice in found.failed if not choice.reading.unused]
-    contradicted = [c for c in whole if c.cost < top.cost or _is_so(c)]
+    contradicted = [c for c in whole if _shown(c.plan) or c.cost < top.cost or _is_so(c)]
     if contradicted:  # "take this cube" of a sphere
         return refused(sentence, found._replace(failed=contradicted), world)
     words = " ".join(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in strange[:3])
@@ -251,7 +252,7 @@ def matters(lattice: Lattice, index: int) -> bool:
         after = lattice.edges[index + 1].keys() if index + 1 < len(lattice) else set()
         if {"noun", "color", "size"} & after and index > 0:  # an adjective; alone it may say which cube
             nouns = {edge.value for edge in lattice.get(index + 1, "noun")}
-            return index in lattice.unknown and nouns == {"thing"}
+            return index in lattice.unknown and nouns == {"thing"} and not {"color", "size"} & after
         before = lattice.text(index - 1) if index else ""
         preposed = index > 0 and (
             {"relation", "any", "between", "verb"} & lattice.edges[index - 1].keys()
@@ -512,7 +513,7 @@ def _what(
     if (word := _unshown(top.reading, words)) is not None:
         text = f"What do you mean by {word!r}, and what shall I do? Name a thing, or point at one"
         return Question(sentence, 0.0, unused, span, text)
-    if things:
+    if things and plan.topic is not None:
         text = (
             f"What shall I do with {name(world, things[0])}? For example: "
             f"{' or '.join(repr(each) for each in said_now)}"
@@ -559,11 +560,8 @@ def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -
 
 
 def _with(step: Clause, entity: Entity | None, index: int) -> Clause:
-    return (
-        replace(step, entity=Entity(pointed=Gesture((index,))))
-        if step.entity is entity and entity is not None
-        else step
-    )
+    named = step.entity is entity and entity is not None
+    return replace(step, entity=Entity(pointed=Gesture((index,)))) if named else step
 
 
 def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:

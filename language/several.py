@@ -49,7 +49,7 @@ class Several(Movers):
         act, before = clause.act, len(plan.steps)
         if act in (Act.TAKE, Act.HOLD) and not clause.places and len(things) > 1 and plan.world.held is None:
             stacked = [i for i in things if plan.world.below[i] is not None]
-            if act is Act.TAKE and any(i in plan.world.inside for i in things):
+            if not plan.world.cells and act is Act.TAKE and any(i in plan.world.inside for i in things):
                 clause = replace(clause, verb=doing(Act.REMOVE))
             elif not stacked:
                 return replace(plan, failure=GRIPS_ONE, reason="impossible", entity=entity)
@@ -239,7 +239,7 @@ class Several(Movers):
             named = [i for i in named if world.is_loose(i)]
         if len(named) < 2 and act not in BOXES and not plan.steps:
             recent = [i for i in self.recent if allows(world, act, i)]
-            moved = list(self.carried) if home else []
+            moved = [i for i in self.carried if i in self.rests] if home else []
             named = (moved if len(moved) > 1 else recent[:2]) or named
         if act in BOXES and len(named) < 2:
             named = [i for i in world.containers if not self._done(world, act, i)]
@@ -247,11 +247,16 @@ class Several(Movers):
 
     def _swap(self, plan: Draft, clause: Clause) -> Draft:
         """Return the plan in which two things change places, by way of a free spot."""
-        entity = clause.entity or Entity("it", plural=True)
-        every = entity.every or (entity.kind == "thing" and entity.plural)
-        named = self._several(plan, clause, replace(entity, every=every))
-        if isinstance(named, Draft):
-            return named
+        entity = clause.entity
+        if entity is None:
+            named = list(plan.it)
+        else:
+            some = self._several(
+                plan, clause, replace(entity, every=True) if entity.kind == "thing" and entity.plural else entity
+            )
+            if isinstance(some, Draft):
+                return some
+            named = some
         if len(named) != 2:
             return replace(
                 plan, failure=("two things change places, no more and no less"), reason="impossible", entity=entity
@@ -273,7 +278,7 @@ class Several(Movers):
         if first.on not in plan.world.containers or second.on in plan.world.containers:
             steps.append((one, second))
         for index, where in steps:
-            plan = self._made_takeable(plan, index)
+            plan = self._made_takeable(plan, index) if plan.world.held != index else plan
             if plan.failure:
                 return plan
             plan = self._put(plan, Clause(CARRY), index, where)
@@ -314,7 +319,7 @@ class Several(Movers):
         things = old or self._several(plan, clause, phrase)
         if isinstance(things, Draft):
             return things
-        if stacks and entity.is_bare_plural and len(things) > 2 and plan.world.flat_only:
+        if stacks and entity.is_bare_plural and not plan.arbitrary and len(things) > 2 and plan.world.flat_only:
             return replace(plan, failure="several", reason="several", entity=entity, candidates=tuple(things))
         if entity.kind != "list" and not old:
             things.sort(key=lambda i: self._rank(plan.world, i, stacks))

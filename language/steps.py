@@ -125,7 +125,7 @@ class Steps:
             things = {i for ref in refs for i in ref.things}
             for step in plan.steps:
                 same = step.act is clause.act or (clause.act is Act.LOWER and step.carries)
-                if same and step.implied and (spoken or step.object in things):
+                if same and step.implied and (spoken or step.object in things) and not plan.failure:
                     failure = f"I would have to {step.verb} {a_name(self.world, step.object)} for that"
                     return replace(plan, failure=failure, reason="impossible", entity=entity)
         return plan
@@ -137,7 +137,7 @@ class Steps:
         index, act, world = plan.mover, clause.act, plan.world
         verb = KNOWN[clause.verb or ""]
         kind = world.things[index].kind
-        if kind in FIXED:
+        if kind in FIXED and not world.cells:
             act = self._on_fixed(world, index, verb, clause)
             if act is None:
                 yield self._stays(plan, index, clause)
@@ -210,7 +210,7 @@ class Steps:
         held = plan.world.held
         if held is not None and held != index and not plan.world.cells:
             plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
-        if index is not None and index in plan.world.inside:
+        if index is not None and index in plan.world.inside and not plan.failure:
             box = plan.world.inside[index]
             if box in plan.world.containers and box not in plan.world.open:
                 plan = self._opened_first(plan, box)
@@ -241,7 +241,7 @@ class Steps:
     def _with_open(self, plan: Draft, step: Step) -> Draft:
         """Return the plan with a step that opens: before the last step if that takes something, which is then held."""
         held = plan.world.held
-        if held is None or not plan.steps:
+        if held is None or not plan.steps or plan.steps[-1].object != held or plan.steps[-1].carries:
             return self._added(self._ready(plan), step)
         before = self.world
         for each in plan.steps[:-1]:
@@ -277,9 +277,9 @@ class Steps:
         own, pressed = KNOWN[clause.verb or ""].noun, KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))
         named = clause.entity is not None and clause.entity.noun == kind
         bare = clause.entity is not None and clause.entity.noun is None and bool(clause.entity.colors)
-        if own and own != kind and pressed and bare:  # "turn the gray one"
+        if own and own != kind and pressed and bare and not world.cells:  # "turn the gray one"
             return replace(plan, failure="unturnable", reason="never", entity=Entity(span=clause.span))
-        if own and own != kind and named:  # "turn the knob" is the wheel's
+        if own and own != kind and named and not world.cells:  # "turn the knob" is the wheel's
             plan = replace(plan, cost=plan.cost + costs.OF_ANOTHER_DEVICE)
         if pressed and abs(world.moved.get(index, 0.0)) > AT_END and any(s.object == index for s in plan.steps):
             once = f"{a_name(world, index)} is down then, so I press it once"
@@ -388,7 +388,7 @@ class Steps:
             return places
         if clause.act is Act.GIVE:
             return (RelationPhrase("at", (Entity("person"),)),)
-        if clause.act is Act.UNSTACK or clause.places:
+        if clause.act is Act.UNSTACK or (clause.places and not plan.world.cells):
             return ON_TABLE
         return ()
 
@@ -447,7 +447,7 @@ class Steps:
             pronoun = (RelationPhrase("at", (Entity("it"),)),)
             if plan.it and plan.world.things[plan.it[0]].target:
                 found = spots(resolver, index, pronoun, typed)
-            elif plan.box is not None:
+            elif plan.box is not None and not plan.world.cells:
                 found = spots(resolver, index, (RelationPhrase("into"),), typed)
             elif self.carried and index not in self.carried and not plan.world.cells:  # where the last one went
                 found = spots(resolver, index, (place_at(self.carried[0], "near"),), typed)
@@ -523,7 +523,7 @@ class Steps:
             return bringing("in")
         if goal is not None and goal == world.hand:
             return bringing("hand")
-        if goal is not None:
+        if goal is not None and world.is_loose(goal):
             return bringing("on")
         own = clause.verb or ""
         if clause.instruction is not None and KNOWN[own].act is Act.UNSTACK:

@@ -10,6 +10,7 @@ from language import costs
 from language.chart import Chart
 from language.lattice import Lattice
 from language.meanings import Entity
+from language.objects import HAND
 from language.referents import Ref
 from language.scanning import Token, scan
 from language.spots import a_name
@@ -27,7 +28,7 @@ MOST_NAMED = 3  # things that a question offers by name
 def foreign(words: Sequence[str], known: set[str] | frozenset[str]) -> str:
     """Return that English is understood, in the language of these words; "" if they are English."""
     letters = [letter for word in words for letter in word if letter.isalpha()]
-    if sum(letter > "\u024f" for letter in letters) > 0.5 * len(letters):
+    if letters and sum(letter > "\u024f" for letter in letters) > 0.5 * len(letters):
         return TABLE["english_only"]["others"]
     strange = [word for word in words if word.isalpha() and word not in known]
     best, said = 0, ""
@@ -133,7 +134,7 @@ def spot_words(world: WorldModel, step) -> str:
     """Return where a step puts its thing: next to what is nearest, or on which side."""
     x, y = step.place
     for index, other in enumerate(world.things):
-        if other.target and max(abs(other.x - x), abs(other.y - y)) < 0.02:
+        if other.target and max(abs(other.x - x), abs(other.y - y)) < 0.02 * (1 if not world.cells else 20):
             return f"at {a_name(world, index)}"
     thing, moved = world.things[step.object], step.object == world.held or step.object in world.inside
     home = world.home.get(step.object)
@@ -339,8 +340,11 @@ def state(world: WorldModel, index: int) -> str:
         inside = world.contents(index)
         full = f", with {listed([a_name(world, i) for i in inside])} in it" if inside and index in world.open else ""
         return f"{thing} is {'open' if index in world.open else 'closed, not open'}{full}"
+    share = abs(world.moved.get(index, 0.0))
+    if world.things[index].kind == HAND:
+        return holds(world)
     if index in world.devices:
-        down = abs(world.moved.get(index, 0.0)) > AT_END
+        down = share > AT_END
         return f"{thing} is {'down: it has been moved' if down else 'up, at its start: it has not been moved'}"
     return f"{thing} is {where(world, index)}"
 
