@@ -101,6 +101,7 @@ _SEEN = re.compile(
     rf"(?:where you (?:are|stand|sit)(?: standing)?|your (?:own )?{_VIEW})(?! or\b)"
     rf"|(?:^|(?<= ))(?:, )?(?:as|when) (?:seen|viewed|you see it)(?: from (?:{_YOU}|your side))?)(?: ,|(?= |$))"
 )
+_AT_ONCE = re.compile(r"(?<=\w )(?:right|straight) away\b(?! from)")  # no direction
 _ONE_DIRECTION = re.compile(
     "|".join(f"(?P<{name.replace(' ', '_')}>{words})" for name, words in _DIRECTIONS.items()) + r"|(?P<bit>a bit)"
 )
@@ -109,6 +110,7 @@ _ONE_DIRECTION = re.compile(
 def plain_regions(found: list[Token]) -> list[Token]:
     """Return the words with corners, edges and compound directions in the order that the chart reads."""
     forms = (
+        (_AT_ONCE, lambda match: ""),
         (_SEEN, lambda match: ""),
         (_TWICE, _once),
         (_IN_FRONT, lambda match: "in front of"),
