@@ -268,9 +268,10 @@ _PLAINER = tuple(  # a whole sentence -> the same, as other rules know it
             r"(?:need|want|have|must|am trying)(?: to)? (?:reach|get|look|see|clean|wipe|fix|check)\b.*",
             r"\1",
         ),
-        (r"(?:number|no\.|option|nr\.?) ?(?:1|one)", "the first one"),
-        (r"(?:number|no\.|option|nr\.?) ?(?:2|two)", "the second one"),
-        (r"(?:number|no\.|option|nr\.?) ?(?:3|three)", "the third one"),
+        *(
+            (rf"(?:number|no\.|option|nr\.?) ?(?:{number})", f"the {rank} one")
+            for number, rank in (("1|one", "first"), ("2|two", "second"), ("3|three", "third"))
+        ),
         (
             r"(?:and |then |do |give me )*(two|three|four) more(?: of (?:those|these|them|that)| like that)",
             r"\1 more times",

@@ -12,7 +12,7 @@ from rapidfuzz.distance import OSA
 
 from language import asides, costs, words
 from language.errors import NotUnderstood, check_known
-from language.normalise import SPELLED, normalised, wordings
+from language.normalise import known_words, normalised, spelling, wordings
 from language.remarks import command
 from language.scanning import Token, inflections, said, scan, verb_words
 from language.verbs import KNOWN, Act
@@ -395,5 +395,6 @@ def teach(category: str, meaning: str, phrase: str) -> None:
 
 def forget_caches() -> None:
     """Clear the caches of the lexicon after its tables were changed."""
-    for cached in (trie, command, vocabulary, _choices, _corrected, _two_words, verb_words, wordings, *SPELLED):
+    of_lexicon = (trie, command, vocabulary, _choices, _corrected, _two_words)
+    for cached in (*of_lexicon, verb_words, wordings, known_words, spelling):
         cached.cache_clear()

@@ -81,7 +81,7 @@ def known_words() -> frozenset[str]:
     """Return the words of the tables and of the rules, and the forms of verbs: these are spelled as they are meant."""
     from language.words import TABLE, colors, nouns
 
-    rules = Path(__file__).with_name("wordings.yaml").read_text("utf-8")
+    rules = re.sub(r"\\[a-z]", " ", Path(__file__).with_name("wordings.yaml").read_text("utf-8"))  # not "\b"
     named = (*colors(), *(noun for names in nouns().values() for noun in names))
     forms = (each[2] for name, verb in KNOWN.items() for phrase in said(verb) for each in inflections(name, phrase))
     return frozenset(re.findall(r"[a-z]+", " ".join([json.dumps(TABLE), rules, *named, *forms, verb_words()])))
@@ -95,9 +95,6 @@ def spelling(word: str) -> str:
     near = [name for name in _named() if name[0] == word[0] and OSA.distance(name, word, score_cutoff=1) == 1]
     near = [name for name in near if len(name) != len(word) or sorted(name) == sorted(word)]
     return near[0] if len(near) == 1 else word
-
-
-SPELLED = (known_words, spelling)  # what is cached of the tables
 
 
 def _spelled(found: list[Token]) -> list[Token]:

@@ -525,13 +525,7 @@ class Questions(Alternatives):
 
     def capacity(self, match: re.Match[str]) -> str | None:
         """Say how many things a container or the hand holds."""
-        text = match[1] or match[2] or match[3] or ""
-        boxes = [i for i in (*self.world.containers, self.world.hand) if i is not None]
-        self.things = [i for i in self.refs(text)[1] if i in boxes] or boxes
-        if match[3] and self.things:  # "is there room in the drawer?"
-            full = [i for i in self.things if self.world.contents(i)]
-            inside = self.names([i for box in full for i in self.world.contents(box)])
-            return f"no: {inside}, and one thing fits" if full else f"yes: nothing is in {self.names(self.things)}"
+        self.things = self.holders(match[1] or match[2] or "")
         return f"{self.names(self.things)} holds one thing at a time" if self.things else None
 
     def color(self, match: re.Match[str]) -> str | None:

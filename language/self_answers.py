@@ -109,6 +109,19 @@ class SelfAnswers(ABC):
                 return f"{name(turn.world, things[0]).split(' in ')[0]} was {where(turn.world, things[0])}"
         return self._told(things[0], "place") if things else None
 
+    def holders(self, text: str) -> list[int]:
+        """Return the containers and the person's hand that words name; all of them if the words name none."""
+        boxes = [i for i in (*self.world.containers, self.world.hand) if i is not None]
+        return [i for i in self.refs(text)[1] if i in boxes] or boxes
+
+    def vacancy(self, match: re.Match[str]) -> str | None:
+        """Say whether there is room for a thing in a container or in the person's hand."""
+        self.things = self.holders(match[1])
+        full = [i for i in self.things if self.world.contents(i)]
+        if not self.things or not full:
+            return f"yes: nothing is in {self.names(self.things)}" if self.things else None
+        return f"no: {self.names([i for box in full for i in self.world.contents(box)])}, and one thing fits"
+
     def bears(self, match: re.Match[str]) -> str | None:
         """Say whether another thing can stand on one."""
         self.things = things = [i for i in self.refs(match[1])[1] if self.world.is_loose(i)][:1]

@@ -40,6 +40,11 @@ _UNDOES = re.compile(
     rf"|take {_DID} back|(?:go|move|take) (?:one|a|1) step back|take that (?:last (?:one|thing|step) )?back"
     rf"|{_UNDO} (?!\w*thing\b)\w+ing(?: of (?:it|that))?)$"
 )
+_BETTER_BEFORE = re.compile(  # "it looked nicer the way it was before"
+    r"^(?:(?:no|oh|well|actually|but|i think|you know what) )*"
+    r"(?:(?:it|that) (?:was|looked) (?:better|nicer)|i (?:liked|preferred) it(?: better| more)?)"
+    r" (?:before|(?:where|how|way) it was(?: before)?)$"
+)
 _REPEATS = re.compile(
     rf"^(?:(?:please|now|and|then) )*(?:(?:repeat|redo)(?: (?:{_DEED}|{_DID}|it|that|this))?(?: {_JUST_NOW})?"
     rf"(?: {_ONCE_MORE})?|(?:do|run|perform|execute|try|make) (?:(?:exactly )?(?:{_DEED}|{_DID}|it|that|this))"
@@ -61,8 +66,8 @@ def plainest(text: str) -> str:
     minded = _MINDED.match(text)
     said = f"{minded['verb']}{minded['double'] or ''}{text[minded.end() :]}" if minded else _WISHED.sub("", text)
     said = re.sub(rf"^{_KIND}(?=\w)", "", said)
-    said = re.sub(rf"(?: (?:please|right now|immediately|now|at once|{_LITTLE}))+$", "", said)
-    for pattern, plain in ((_UNDOES, "undo"), (_REPEATS, "again"), (_GOES_HOME, "home")):
+    said = re.sub(rf"(?: (?:please|right now|immediately|now|at once|for a (?:second|moment)|{_LITTLE}))+$", "", said)
+    for pattern, plain in ((_UNDOES, "undo"), (_BETTER_BEFORE, "undo"), (_REPEATS, "again"), (_GOES_HOME, "home")):
         if pattern.match(said):
             return plain
     paced = _PACED.match(said)

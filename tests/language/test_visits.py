@@ -6,17 +6,7 @@ import pytest
 
 from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, board, table
 from language.talk import name, said, where
-from tests.helpers.room_cases import (
-    BUTTON,
-    DRAWER,
-    FRIDGE,
-    OBJECTS,
-    ORANGE,
-    RED,
-    WHEEL,
-    YELLOW,
-    asked_steps,
-)
+from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, ORANGE, RED, WHEEL, YELLOW, asked_steps
 from tests.helpers.room_cases import larger_room as room
 
 
