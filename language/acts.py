@@ -362,6 +362,7 @@ _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
 _TASKS = r"(?:things|stuff|tasks|jobs)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"what (?:does|would|will) (?:that|this) leave(?: (?:us|me))?(?: with)? ((?:on|in) .+)", r"what is \1"),
+    (r"(which(?: \w+)?) (?:is|are) (?:still )?left(?: over)? ((?:on|in|inside) .+)", r"\1 are \2"),
     (rf"what (?:kind|sort|type)s? of {_TASKS} (?:can|could) (?:i|we) (?:ask|tell|get) you to do", "what can you do"),
     (r"what (?:have|did) you got? (?:lying|standing|sitting)(?: around| about)? (?:on|here)\b.*", "what do you see"),
     (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),

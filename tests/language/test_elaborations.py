@@ -41,6 +41,11 @@ def test_a_statement_with_a_tag_and_a_polite_opening_ask(sentence, begins):
     assert outcome.text.startswith(begins)
 
 
+def test_what_is_left_on_the_table_is_on_no_side():
+    text = Dialogue().answer("which cubes are left on the table?", room()).text
+    assert all(color in text for color in ("yellow", "blue", "red", "orange", "cyan"))
+
+
 @pytest.mark.parametrize("sides", ["back left", "front right", "rear right"])
 def test_two_sides_of_the_table_are_its_corner(sides):
     outcome = Dialogue().answer(f"move the orange cube to the {sides} of the table", room())
