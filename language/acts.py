@@ -326,7 +326,7 @@ _ASKING = re.compile(
     r"|^(?:can|could|does|will) (?!you\b|we\b|i\b|.*\bplease\b).*\b(?:hold|take|store|contain)"
     r" (?:two|three|both|more|several|many|all|another)\b"
     r"|^(?:help|help me|help please|i need help|commands|options|instructions|anything else)$"
-    r"|^have you |^list "
+    r"|^have you |^(?:list|enumerate|name (?:me|all|every|cubes|blocks|things))\b"
     rf"|{_OR_IS.pattern}"
     r"|^(?:your|my) (?:left|right)\b.* or (?:mine|yours|my|your)\b|^(?:left|right) (?:from|as|for|of) .*\bwho"
     r"|^(?:can|could|would) you .* if i (?:asked|told|wanted|ask|tell|want)(?: you)?(?: to)?$"
@@ -360,9 +360,21 @@ _FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
 _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
 _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
 _TASKS = r"(?:things|stuff|tasks|jobs)"
+_KINDS = rf"(?:(?:\w+ )?(?:cubes|blocks|bricks|devices|containers|boxes)|(?:{COLOR} )?(?:things|objects|ones|items))"
+_SOMEWHERE = (
+    r"((?:not |right |directly )?(?:in|inside|on|under|underneath|beneath|behind|left|right|to|next|near|at|above|below"
+    r"|between|beside|closest|nearest)\b.*)"
+)
+_PERCEIVE = r"(?:do|can|have|could) (?:you|we|i) (?:see|have|got|find|spot|notice)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"what (?:does|would|will) (?:that|this) leave(?: (?:us|me))?(?: with)? ((?:on|in) .+)", r"what is \1"),
     (r"(which(?: \w+)?) (?:is|are) (?:still )?left(?: over)? ((?:on|in|inside) .+)", r"\1 are \2"),
+    (
+        rf"(?:name|list|enumerate)(?: me)?(?: all)?(?: of)? ({_KINDS})(?: (?:that|which)(?: are)?)? {_SOMEWHERE}",
+        r"which \1 are \2",
+    ),
+    (rf"(?:what|which) ({_KINDS}) {_PERCEIVE} {_SOMEWHERE}", r"which \1 are \2"),
+    (rf"what {_PERCEIVE} (?!in mind|in view){_SOMEWHERE}", r"what is \1"),
     (rf"what (?:kind|sort|type)s? of {_TASKS} (?:can|could) (?:i|we) (?:ask|tell|get) you to do", "what can you do"),
     (r"what (?:have|did) you got? (?:lying|standing|sitting)(?: around| about)? (?:on|here)\b.*", "what do you see"),
     (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),

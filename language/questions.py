@@ -205,8 +205,8 @@ class Questions(Alternatives):
             full = plain in ("full", "occupied", "taken", "in use")
             enclosing = (*boxes, *([world.hand] if world.hand is not None else []))
             return Predicate(lambda i: bool(world.contents(i)) == full if i in enclosing else None, "content")
-        if re.fullmatch(rf"(?:{COLOR})(?: colou?red)?", plain):
-            meant = colors()[plain.split()[0]]
+        if re.fullmatch(rf"(?:{COLOR})(?: (?:or|and) (?:{COLOR}))*(?: colou?red)?", plain):
+            meant = {color for each in re.findall(COLOR, plain) for color in colors()[each]}
             return Predicate(lambda i: world.things[i].color in meant, "color")
         if compared := self.than(plain):
             return compared
@@ -363,7 +363,7 @@ class Questions(Alternatives):
         if not things:
             return f"no: there is no {_plain(re.sub(r'^there (?:an? |any |some )?', '', head))} here"
         fits = [i for i in things if stated.holds(i)]
-        if re.match(rf"(?:there |any )*{_ANY}\b", head):
+        if re.match(rf"(?:there |any )*(?!all\b){_ANY}\b", head):
             fits = [i for i in fits if self.world.is_loose(i)] or fits
             self.things = fits or self.refs(rest)[1]
             shown = "; ".join(self._told(i, stated.about) for i in fits[:3])
@@ -375,7 +375,8 @@ class Questions(Alternatives):
             )
         every = re.search(r"\b(?:both|all|every|and|each)\b", match[0]) is not None
         yes = len(fits) == len(things) if every else bool(fits)
-        self.things = (fits if fits and not every else things)[:3]
+        others = [i for i in things if i not in fits] if every and len(things) > 2 and not yes else things
+        self.things = (fits if fits and not every else others)[:3]
         told = "; ".join(self._told(i, stated.about) for i in self.things)
         return told if re.search(r" or (?!not\b)", text) else f"{'yes' if yes else 'no'}: {told}"
 
@@ -470,7 +471,7 @@ class Questions(Alternatives):
             return f"nothing is {plain}" if head in ("", "thing") else f"none: no {_plain(head)} is {plain}"
         if stated.about in ("place", "under") and len(fits) <= 3 and not re.search(_BEST, plain):
             return "; ".join(self._told(i, stated.about) for i in fits)
-        return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {plain}"
+        return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {_plain(plain)}"
 
     def _unsupported(self, text: str) -> str:
         """Return ": " and where the thing that some words name is, if it stands on no other one."""
@@ -489,6 +490,8 @@ class Questions(Alternatives):
         if found is None and (entity is None or Lattice(scan(text)).unknown):
             return None
         things = [i for i in found[0] if found[1].holds(i)] if found else fits
+        if text.startswith("things ") and match[1][:5] != "thing":  # "how many are on the table?": of what can be moved
+            things = [i for i in things if self.world.is_loose(i)] or things
         over = re.fullmatch(
             rf"(?:(?:cubes|blocks|things|ones|of them|pieces) )?(?:{_BE} )*(?:on top of|on|above|over) (.*)", text
         )
@@ -503,6 +506,13 @@ class Questions(Alternatives):
         noun = "is" if len(things) == 1 else "are"
         number = _NUMBERS[len(things)] if len(things) < len(_NUMBERS) else str(len(things))
         return f"there {noun} {number} ({len(things)}): {self.names(things)}"
+
+    def listed(self, match: re.Match[str]) -> str | None:
+        """Name all things of a kind: "which cubes are there?"."""
+        self.things = self.subject(match[1]) or []
+        if not self.things:
+            return f"there is no {_plain(match[1])} here"
+        return f"{'there is' if len(self.things) == 1 else 'there are'} {self.names(self.things)}"
 
     def where(self, match: re.Match[str]) -> str | None:
         """Say where something is."""
@@ -531,7 +541,7 @@ class Questions(Alternatives):
     def color(self, match: re.Match[str]) -> str | None:
         """Say which colour something has."""
         things = self.subject(re.sub(r" (?:have|has)$", "", match[1]))
-        return "; ".join(self._told(i, "color") for i in things[:3]) if things else None
+        return "; ".join(self._told(i, "color") for i in things[:8]) if things else None
 
     def is_true(self, condition: str) -> bool | None:
         """Return whether a condition is so: "the drawer is open", "there is a green cube"; None if nobody can tell."""

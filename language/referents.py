@@ -440,10 +440,12 @@ class Resolver:
         return [index for index in found if index in things]
 
     def anchors(self, entity: Entity) -> Anchors:
-        """Return the referents of a phrase as the anchors of a relation."""
+        """Return the referents of a phrase as the anchors of a relation: marks only where there is nothing else."""
         key = _fields(entity)
         if key not in self._anchors:
-            self._anchors[key] = Anchors(self.resolve(entity))
+            refs = self.resolve(entity)
+            solid = [ref for ref in refs if not any(self.world.things[i].target for i in ref.things)]
+            self._anchors[key] = Anchors(solid or refs)
         return self._anchors[key]
 
     def _filtered(self, entity: Entity, relations: tuple[RelationPhrase, ...]) -> list[Ref]:
@@ -589,11 +591,9 @@ class Resolver:
         for relation in entity.relations:
             if relation.name in ("from", "on", "at") and relation.anchors and relation.anchors[0].sides:
                 start = relation.anchors[0].sides[0]
-                last = entity.ordinal == -1 and relation.name != "from"
-                if last:
+                if entity.ordinal == -1 and relation.name != "from":
                     return self._toward(refs, (start,))
-            if relation.name == "direction" and relation.value:
-                start = relation.value
+            start = (relation.value or start) if relation.name == "direction" else start
         dx, dy = self.world.toward(start) if start in (*SIDES, "front", "back", "forward", "backward") else (0.0, 1.0)
         order = sorted(refs, key=lambda ref: -(dx * ref.x + dy * ref.y))
         at = entity.ordinal - 1 if entity.ordinal > 0 else len(order) - 1
