@@ -290,7 +290,7 @@ def plainly(sentence: str) -> str:
 _OPENING = re.compile(
     r"^(?:(?:excuse me|pardon(?: me)?|sorry(?: to (?:bother|ask|disturb)(?: you)?)?"
     r"|(?:just )?(?:one|a|quick|small)(?: quick| small| last)? question"
-    r"|by the way|and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
+    r"|kindly|by the way|and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
     rf"|{TELLING}|(?:do you |you )?have (?:you )?(?:any|an) idea|please tell me|tell me please|can you say"
     r"|(?:can|could|would|might|may|will) you (?:please )?tell me"
     r"|(?:can|could|would|will) you(?: please)?(?= (?:count|list|name|describe) (?!out\b))"
@@ -304,7 +304,8 @@ ABLE = re.compile(  # about things in general
     r"(?: up| down| out| together| around| over)?$"
 )
 _VOCATIVE = re.compile(
-    r" , (?:(?:my|dear|young|good|old) )*(?:man|boy|lady|friend|robot|sir|dear|love|darling|mate|buddy)(?= ,|$)"
+    r" , (?:(?:my|dear|young|good|old) )*"
+    r"(?:man|boy|lady|friend|robot|sir|dear|love|darling|mate|buddy|honey|sweetie|pal|guv)(?= ,|$)"
 )
 _AT_ONCE = re.compile(
     r"^(?:can|could|are) you .*\b(?:two|three|both|several|many|more than one)\b.*"
@@ -355,6 +356,8 @@ _ASKER = r"(?:someone|everyone|my \w+|grand\w+|mum|mom|dad)"
 _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
     r"^(who|what|where|why|how|which) (?:on earth|in (?:all )?(?:world|heaven)|hell|heck)\b"
     r"|(?: ,)? if (?:i|you|we) (?:may|can|could|might) (?:ask|tell me|say)$"
+    r"|(?: [,.])? (?:i|we) (?:can|could|do) not (?:see|find|spot|reach)(?: it| them)?(?: any\w+)?$"
+    r"|(?<!done)(?<!did)(?: ,)? for (?:me|us)$"
 )
 _FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
 _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
@@ -383,6 +386,7 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"(which (?!one\b.* or\b).+?) is (?:closer|nearer)(?: by)? to ([^,]+)", r"\1 is closest to \2"),
     (r"(which (?!one\b.* or\b).+?) is (?:farther|further)(?: away)? from ([^,]+)", r"\1 is farthest from \2"),
     (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
+    (r"((?:which|what|who|where)(?: one| ones| cube| block| thing)?) 's (.+)", r"\1 is \2"),
     (r"why you (?:do|would|could|can) not (.+)", r"why do not you \1"),
     (r"where (?:it is|they are) (.+)", r"where is \1"),
     (r"how much ((?:cubes|blocks|things|objects|pieces)\b.*)", r"how many \1"),

@@ -128,6 +128,8 @@ class Lattice:
                         open_nodes.append((at + 1, node[word], cost + extra))
         if not self.gestures:
             found.pop("pointing", None)
+        if self.text(start) == "next" and self.text(start + 1) == "to":  # is no "then"
+            found.pop("join", None)
         edges = {category: list(same.values()) for category, same in found.items()}
         number = _number(self.tokens[start].text)
         if number is not None:

@@ -6,6 +6,7 @@ A rule for a wording ("give X a push") names no verb of the robot: it says the s
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from functools import cache
@@ -143,8 +144,36 @@ def _of_program(sentence: str, found: list[Token]) -> list[Token]:
     return kept
 
 
+def _is_begun(word: str, whole: str) -> bool:
+    """Whether a word is the beginning of the name of a thing or colour after it: "but button"."""
+    short = (
+        "to",
+        "or",
+        "in",
+        "on",
+        "a",
+        "at",
+        "be",
+        "so",
+        "i",
+        "do",
+        "go",
+        "no",
+        "the",
+        "that",
+        "this",
+        "cube",
+        "block",
+        "thing",
+    )
+    begun = word not in short and word.isalpha() and whole != word and whole.startswith(word)
+    return begun and (whole in _named() or (len(word) < 3 and whole in verb_words().split("|")))
+
+
 def _undoubled(found: list[Token]) -> list[Token]:
-    """Return the words without stutters: "the the", "i want i want"."""
+    """Return the words without stutters: "the the", "i want i want", "the but the button"."""
+    begun = [_is_begun(token.text, after.text) for token, after in itertools.pairwise(found)]
+    found = [token for token, is_begun in zip(found, [*begun, False], strict=False) if not is_begun]
     for size in (3, 2, 1):
         at = 0
         while at + 2 * size <= len(found):

@@ -467,8 +467,8 @@ class Questions(Alternatives):
         if not fits and (not things or re.search(rf"{_BEST}|\b(?:is|are)\b", rest)):
             return None  # one is always the farthest: the words were not all used
         if not fits:
-            plain = _plain(plain)
-            return f"nothing is {plain}" if head in ("", "thing") else f"none: no {_plain(head)} is {plain}"
+            kind = "nothing" if head in ("", "thing", "one", "ones") else f"none: no {_plain(head)}"
+            return f"{kind} is {_plain(plain)}"
         if stated.about in ("place", "under") and len(fits) <= 3 and not re.search(_BEST, plain):
             return "; ".join(self._told(i, stated.about) for i in fits)
         return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {_plain(plain)}"

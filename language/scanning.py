@@ -52,8 +52,15 @@ def scan(text: str) -> list[Token]:
         for word in _written_out(_LONG.sub(r"\1", match[0].replace("\u2019", "'"))):
             if not word or word in _DROPPED or word in _HUMS:
                 continue
+            if word == "to" and match[0] != "to" and _is_step(lowered[match.end() :]) and _is_step(lowered):
+                word = ";"  # "open the drawer -> put it in", not "red -> blue"
             found.append(Token(word, match.start(), match.end()))
     return found
+
+
+def _is_step(text: str) -> bool:
+    """Whether a text begins with a verb."""
+    return re.match(rf"\W*(?:{verb_words()})\b", text) is not None
 
 
 def _written_out(word: str) -> list[str]:

@@ -159,6 +159,8 @@ class Steps:
         """Return what a verb does to a device, a container or the hand; None: nothing."""
         act = verb.act
         placed = [each for each in clause.places if each.name not in ("direction", "here", *BARE_PLACES)]
+        if clause.entity is not None and act is Act.CARRY:  # "move the wheel to the left of the lever"
+            placed += [each for each in clause.entity.relations if any(a.kind == "thing" for a in each.anchors)]
         if act in (*BOXES, Act.TOUCH):
             return act if act is Act.TOUCH or index in world.containers else None
         if act is Act.HOLD:
@@ -175,10 +177,8 @@ class Steps:
                 return Act.OPEN
             if lid and (act is Act.LOWER or (act is Act.CARRY and down)):
                 return Act.SHUT
-            if (
-                any(each.name == "into" or each.value in ("backward", "forward") for each in clause.places)
-                and verb.pulls
-            ):
+            inward = any(each.name == "into" or each.value in ("backward", "forward") for each in clause.places)
+            if inward and verb.pulls:
                 return Act.SHUT if verb.pulls is Act.SHUT else Act.OPEN
             return verb.pulls if verb.pulls is not None and not placed else None
         return None

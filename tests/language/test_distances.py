@@ -28,6 +28,11 @@ def moved(sentence, scene=SCENE):
         ("move the cyan cube 5 cm closer to me and 4 cm to the right", 0.05, 0.04),
         ("cyan cube: 4 cm to the right and 5 cm away from you", 0.05, 0.04),
         ("move the cyan cube ten cm closer to you and then five cm to the left", -0.10, -0.05),
+        ("shift the cyan cube over to the left about five centimetres", 0.0, -0.05),
+        ("slide the cyan cube to the right by roughly 4 cm", 0.0, 0.04),
+        ("can you move the cyan cube a little bit to the right, like four centimeters", 0.0, 0.04),
+        ("move the cyan cube slightly to the left, 3 cm or so", 0.0, -0.03),
+        ("move the cyan cube about an inch to the left", 0.0, -0.0254),
     ],
 )
 @pytest.mark.parametrize("viewpoint", ["human", "robot"])
