@@ -267,7 +267,7 @@ class Chart:
             complete = [self._judged(item) for item in phrases]
             layer = complete
             for _ in range(MOST_RELATIONS):
-                layer = self._best([self._judged(item) for item in self._with_relation(layer, start)])
+                layer = self._best([self._judged(item) for item in self._with_relation(layer)])
                 complete = complete + layer
             self._entities[start] = self._best(complete)
         return self._entities[start]
@@ -291,7 +291,7 @@ class Chart:
                 found.append(Item(edge.end, entity, item.cost + edge.cost, item.skipped))
         return found
 
-    def _with_relation(self, items: list[Item], start: int) -> list[Item]:
+    def _with_relation(self, items: list[Item]) -> list[Item]:
         pairs = []
         for item in items:
             if item.value.kind == "it" or (item.value.kind == "board" and self.lattice.table):

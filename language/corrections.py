@@ -17,13 +17,14 @@ from language.lattice import Lattice
 from language.meanings import Clause, Measure, Reading, RelationPhrase
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY
+from language.referents import SIDEWAYS
 from language.replies import Replies, on_other_side
-from language.revising import TURNED, opposite, partly_back, pinned
+from language.revising import TURNED, opposite, partly_back
 from language.scanning import COLOR, THING, scan
+from language.spots import pinned
 from language.talk import phrase
 from language.words import colors
 
-_SIDED = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
 _SAID = r"i (?:clearly |just |only )?(?:said|meant|mean|told you|asked (?:you )?(?:for|to))(?: to| you to)?"
 _LEAD = rf"(?:(?:no|hey|wait|hang on|hold on|oops|sorry|well|but|actually|stop|,|please|{_SAID}) )*"
 _NEW, _OLD = (
@@ -196,7 +197,7 @@ class Corrections(Replies):
             return None
         if (other := _other_side(before.steps[-1])) is not None:  # "no, the other left"
             return self._tried(sentence, [Reading((*before.steps[:-1], other))], restore=True)
-        beside = {place.name for place in before.steps[-1].places} & {*_SIDED, "near", "direction"}
+        beside = {place.name for place in before.steps[-1].places} & {*SIDEWAYS, "near", "direction"}
         if re.search(r"\bside\b", sentence.lower()) and not beside:
             return None
         if not refused and (done is None or not isinstance(done.outcome, Plan)):
@@ -213,7 +214,7 @@ class Corrections(Replies):
         if moved is None or moved.place is None or not refs:
             return None
         dx, dy = moved.place[0] - refs[0].x, moved.place[1] - refs[0].y
-        along = {name: np.dot(self.now.toward(side), (dx, dy)) for name, side in _SIDED.items()}
+        along = {name: np.dot(self.now.toward(side), (dx, dy)) for name, side in SIDEWAYS.items()}
         place = RelationPhrase(min(along, key=lambda name: along[name]), places[0].anchors)
         return Reading((Clause(CARRY, pinned(moved.object), (place,)),))
 

@@ -90,9 +90,7 @@ class Movers(Steps):
         refs = resolver.resolve(entity)
         if entity.superlative == "high" and not any(below is not None for below in world.below):
             refs = [ref._replace(cost=ref.cost + 2 * costs.UPPER_SIDE) for ref in refs]  # no tower has a top
-        if act is None:
-            return refs
-        if not self.help:
+        if act is None or not self.help:
             return refs
         key = (id(resolver), act)
         if key not in self._usable:
@@ -133,22 +131,14 @@ class Movers(Steps):
             return not world.things[index].target
         if act is Act.GIVE and world.hand is not None and world.inside.get(index) == world.hand:
             return False
-        if world.cells:
-            return not obstacle(world, (index,))
-        return world.is_loose(index) and not obstacle(world, (index,))
+        return not obstacle(world, index)
 
     def _fits_held(self, plan: Draft, entity: Entity | None) -> bool:
         """Whether a phrase may mean the held thing."""
         held = plan.world.held
         if plan.world.cells and held is not None:
             return entity is None or all(color_fits(plan.world, held, color) for color in entity.colors)
-        if (
-            entity is None
-            or held is None
-            or (entity.kind == "it" and (not plan.it or plan.it[0] == held or not plan.steps))
-        ):
-            return True
-        if entity.kind == "it":
+        if entity is None or held is None or entity.kind == "it":
             return True
         if entity.kind != "thing" or entity.other or entity.every or (entity.number or 1) > 1:
             return False

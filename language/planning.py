@@ -12,9 +12,9 @@ from itertools import pairwise
 from language import costs
 from language.chart import is_mutual
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
-from language.revising import only_verb, pinned, unfit
+from language.revising import only_verb, unfit
 from language.several import Several
-from language.spots import a_name
+from language.spots import a_name, pinned
 from language.steps import (
     BOXES,
     CARRY,
@@ -25,6 +25,7 @@ from language.steps import (
     allows,
     different,
     finished,
+    unsaid,
 )
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 
@@ -142,7 +143,7 @@ class Planner(Several):
         elif any(is_mutual(place) for place in clause.places):
             yield from self._mutual(plan, clause)
         elif plan.topic is not None and clause.entity is not None and act is not Act.SWAP and not _spoken(clause):
-            yield replace(self._unsaid(plan), cost=plan.cost + 1.0)
+            yield replace(unsaid(plan, plan.topic), cost=plan.cost + 1.0)
         elif act in (Act.NEVER, Act.TIDY):
             yield from self._undoable(plan, clause)
         elif act is Act.SWAP:
@@ -218,7 +219,7 @@ class Planner(Several):
                 put = Clause(CARRY, plan.topic.entity, clause.places, span=clause.span)
                 yield from self._after(replace(plan, topic=None), put, last)
             elif plan.world.held is not None and not plan.world.cells:  # "into the drawer please"
-                held = Entity(pointed=Gesture((plan.world.held,)), span=clause.span)
+                held = replace(pinned(plan.world.held), span=clause.span)
                 yield from self._after(plan, Clause(CARRY, held, clause.places, span=clause.span), last)
             else:
                 yield replace(plan, failure="that says where, but not what", reason="what", entity=None)
@@ -298,10 +299,6 @@ class Planner(Several):
         """Return the plan before its last clause, if it has only one; otherwise a plan without steps."""
         return Draft(self.world, it=self.it, mentioned=self.mentioned, box=plan.box, arbitrary=plan.arbitrary)
 
-    def _unsaid(self, plan: Draft) -> Draft:
-        assert plan.topic is not None
-        return replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
-
     def _undoable(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
         verb = KNOWN[clause.verb or ""]
         if verb.act is Act.TIDY:
@@ -310,11 +307,7 @@ class Planner(Several):
             verb.effect and plan.world.verbs is None and clause.entity is not None and clause.places
         ):  # a task that can
             for mover in self._movers(plan, clause):
-                yield from (
-                    [mover]
-                    if mover.failure or mover.mover is None
-                    else self._act(mover, replace(clause, verb=clause.verb))
-                )
+                yield from [mover] if mover.failure or mover.mover is None else self._act(mover, clause)
         else:
             yield replace(plan, failure="never", reason="never", entity=Entity(span=clause.span))
 

@@ -19,8 +19,8 @@ from language.world import FIXED, FLAT, SIDES, WorldModel
 
 _fields = attrgetter(*(name for name in Entity.__slots__ if name != "span"))  # phrases that share these mean the same
 TIE = 0.1  # pitches: distances and coordinates this close are equal
-_SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
-_ANYWHERE = (*_SIDEWAYS, "beside", "opposite", "with", "matching")  # relations to things that stand anywhere
+SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
+_ANYWHERE = (*SIDEWAYS, "beside", "opposite", "with", "matching")  # relations to things that stand anywhere
 _SELECTING = ("nearest", "farthest", "near")
 _LOCATING = ("on", "over", "in", "at", "to", "of", "from")
 
@@ -282,8 +282,8 @@ def _cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchor: Ref) ->
     if anchor is ref or (anchor.things and anchor.things == ref.things):
         return None
     name = relation.name
-    if name in _SIDEWAYS:
-        return _beside(world, ref, anchor, _SIDEWAYS[name], relation)
+    if name in SIDEWAYS:
+        return _beside(world, ref, anchor, SIDEWAYS[name], relation)
     if name == "beside":
         return 0.0 if 0.5 * world.pitch < distance(ref.x, ref.y, anchor) <= 1.3 * world.pitch else None
     if name == "under":

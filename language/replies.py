@@ -14,10 +14,11 @@ from language.meanings import Clause, Entity, Gesture, Measure, Reading, Relatio
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
-from language.revising import filled, is_unshown, pinned, restoring, revised, selecting
+from language.revising import filled, is_unshown, restoring, revised, selecting
 from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
+from language.spots import pinned
 from language.talk import name, offers, phrase
 from language.verbs import HERE, POINTING, Act, bringing
 from language.words import REGIONS

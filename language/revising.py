@@ -9,7 +9,7 @@ from dataclasses import replace
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.outcomes import Step
 from language.places import ONTO
-from language.spots import BRUSHED, a_name, is_elsewhere
+from language.spots import BRUSHED, a_name, is_elsewhere, pinned
 from language.steps import CARRY
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.words import ENCLOSING
@@ -22,11 +22,6 @@ _ASIDE = re.compile(  # "move to the left"
 )
 _GOING = (*ONTO, "near")  # relations to what the gripper goes to
 MOVED = 0.06  # of the distance between neighbours: a thing that was to move and moved less is where it was
-
-
-def pinned(index: int) -> Entity:
-    """Return a phrase for one thing."""
-    return Entity(pointed=Gesture((index,)))
 
 
 def tells(phrase: Entity) -> bool:

@@ -21,6 +21,7 @@ from language.referents import color_fits
 from language.scanning import Token
 from language.sentences import readings
 from language.several import GRIPS_ONE
+from language.spots import pinned
 from language.steps import Draft, allows, reached
 from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
@@ -561,7 +562,7 @@ def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -
 
 def _with(step: Clause, entity: Entity | None, index: int) -> Clause:
     named = step.entity is entity and entity is not None
-    return replace(step, entity=Entity(pointed=Gesture((index,)))) if named else step
+    return replace(step, entity=pinned(index)) if named else step
 
 
 def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:

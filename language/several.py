@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from language import costs
 from language.chart import is_mutual
 from language.free_spots import GRID, SHARES, clear_of
-from language.meanings import Clause, Entity, Gesture, RelationPhrase
+from language.meanings import Clause, Entity, RelationPhrase
 from language.movers import Movers
 from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import thing_ref
-from language.revising import pinned
-from language.spots import Point, Spot, a_name, place_at, settle
-from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle
+from language.spots import Point, Spot, a_name, pinned, place_at, point_at, settle
+from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle, topmost
 from language.verbs import Act, doing
 from language.words import ENCLOSING
 from language.world import WorldModel
@@ -149,7 +148,7 @@ class Several(Movers):
             entity, things = replace(entity, every=not few), things if few else spoken or things
         if wanted and len(things) > wanted and not entity.every:
             if plan.arbitrary or entity.any:
-                things.sort(key=lambda i: (bool(obstacle(world, (i,))), i in world.inside, world.things[i].x))
+                things.sort(key=lambda i: (bool(obstacle(world, i)), i in world.inside, world.things[i].x))
                 return things[:wanted]
             return replace(
                 plan, failure=f"{len(things)} things fit", reason="several", entity=entity, candidates=tuple(things)
@@ -402,9 +401,8 @@ class Several(Movers):
 
     def _cleared(self, plan: Draft, index: int) -> Draft:
         """Return the plan with nothing on a thing."""
-        while (over := plan.world.above[index]) is not None and not plan.failure:
-            while (upper := plan.world.above[over]) is not None:
-                over = upper
+        while plan.world.above[index] is not None and not plan.failure:
+            over = topmost(plan.world, index)
             plan = self._aside(plan, over, f"I put {a_name(plan.world, over)} on the table first")
         return plan
 
@@ -419,7 +417,7 @@ class Several(Movers):
             if plan.world.above[below] == index or plan.failure:
                 continue
             plan = self._cleared(self._cleared(plan, below), index)
-            plan = self._placed_once(plan, index, (RelationPhrase("on", (Entity(pointed=Gesture((below,))),)),))
+            plan = self._placed_once(plan, index, (place_at(below, "on"),))
         if not plan.failure:
             plan = self._cleared(plan, things[-1])
         if len(plan.steps) == before and not plan.failure:
@@ -483,9 +481,7 @@ class Several(Movers):
             if plan.world.is_on_ground(index) and math.dist(plan.world.things[index][2:4], (x, y)) < 1e-6:
                 continue
             plan = self._cleared(plan, index)
-            plan = self._placed_once(
-                plan, index, (RelationPhrase("here", (Entity("spot", pointed=Gesture((), (x, y))),)),)
-            )
+            plan = self._placed_once(plan, index, (point_at(x, y),))
         return plan
 
 

@@ -55,9 +55,19 @@ class Point(NamedTuple):
     group: int = 0
 
 
+def pinned(index: int) -> Entity:
+    """Return a phrase for one thing."""
+    return Entity(pointed=Gesture((index,)))
+
+
 def place_at(index: int, name: str) -> RelationPhrase:
     """Return the place that has a relation to one thing. name: of the relation."""
-    return RelationPhrase(name, (Entity(pointed=Gesture((index,))),))
+    return RelationPhrase(name, (pinned(index),))
+
+
+def point_at(x: float, y: float) -> RelationPhrase:
+    """Return the place at a point, as if a gesture showed it."""
+    return RelationPhrase("here", (Entity("spot", pointed=Gesture((), (x, y))),))
 
 
 def says_top(place: RelationPhrase) -> bool:

@@ -14,7 +14,7 @@ from language.objects import HAND
 from language.outcomes import Step
 from language.places import _anywhere, _Wish, free_spot, spots
 from language.referents import Resolver
-from language.spots import Point, Rest, Spot, a_name, old_place, place_at, says_top, settle
+from language.spots import Point, Rest, Spot, a_name, old_place, place_at, point_at, says_top, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
 from language.world import AT_END, FIXED, WorldModel
 
@@ -310,7 +310,7 @@ class Steps:
             if plan.failure:
                 yield plan
                 return
-        places = self._places(clause, plan, index)
+        places = self._places(clause, plan)
         board = places and all(anchor.kind == "board" for each in places for anchor in each.anchors or (Entity("it"),))
         if board and not world.cells and world.is_on_ground(index) and self._moved(plan, index):
             yield plan  # it was put on the table by an earlier step
@@ -319,7 +319,7 @@ class Steps:
             (each for each in places if each.name == "under" and each.anchors and each.anchors[0].kind == "thing"), None
         )
         if under is not None and not world.cells and act is Act.CARRY:
-            yield from self._beneath(plan, clause, under, index)
+            yield from self._beneath(plan, under, index)
         elif act in TAKING and not places:
             spoken = clause.entity is None or clause.entity.kind == "it"
             if held and spoken and self._moved(plan, index):
@@ -356,14 +356,12 @@ class Steps:
     def _made_takeable(self, plan: Draft, index: int) -> Draft:
         """Return the plan with a thing free to be taken, or why it cannot be."""
         world = plan.world
-        why = obstacle(world, (index,))
+        why = obstacle(world, index)
         over = world.above[index]
         if over is not None and not world.cells and world.is_loose(index):
             plan = self._ready(plan)
-            top = over
-            while (above := plan.world.above[top]) is not None:
-                top = above
-            return self._aside(plan, top, f"{a_name(world, over)} stands on it, so I put that on the table first")
+            note = f"{a_name(world, over)} stands on it, so I put that on the table first"
+            return self._aside(plan, topmost(plan.world, over), note)
         if why or (world.held is not None and world.cells):
             full = "" if world.held is None else f"my gripper holds {a_name(world, world.held)} already"
             return replace(plan, failure=why or full, reason="impossible", candidates=(index,))
@@ -377,7 +375,7 @@ class Steps:
         said = verb is not None and KNOWN[verb].act in (Act.TAKE, Act.HOLD)
         return self._added(plan, Step(verb if said and verb else bringing("up"), index))
 
-    def _places(self, clause: Clause, plan: Draft, index: int) -> tuple[RelationPhrase, ...]:
+    def _places(self, clause: Clause, plan: Draft) -> tuple[RelationPhrase, ...]:
         """Return where the clause says that the thing goes; without what says where it comes from."""
         places = tuple(each for each in clause.places if each.name != "from" or plan.world.cells or each.measure)
         if len(places) > 1 and places[0].name == "here" and not places[0].anchors:  # "over there, by the red one"
@@ -400,7 +398,7 @@ class Steps:
         down = RelationPhrase("direction", value="down")
         yield from self._placed(plan, clause, index, (down,))
 
-    def _beneath(self, plan: Draft, clause: Clause, under: RelationPhrase, index: int) -> Iterator[Draft]:
+    def _beneath(self, plan: Draft, under: RelationPhrase, index: int) -> Iterator[Draft]:
         """Yield the plans that put one thing under another one: the other goes on top of it."""
         for ref in self.resolver(plan.world, plan.it, None).resolve(under.anchors[0]):
             other = ref.things[-1] if ref.things else None
@@ -478,7 +476,7 @@ class Steps:
         below, thing = self.world.below[moved], self.world.things[moved]
         if below is not None:
             return place_at(below, "on")
-        return RelationPhrase("here", (Entity("spot", pointed=Gesture((), (thing.x, thing.y))),))
+        return point_at(thing.x, thing.y)
 
     def _put(self, plan: Draft, clause: Clause, index: int, spot: Spot) -> Draft:
         """Return the plan with a thing taken, unless it is held, and put at a spot."""
@@ -540,18 +538,22 @@ class Steps:
         return index != self.world.held and away < close
 
 
-def obstacle(world: WorldModel, things: tuple[int, ...]) -> str:
+def obstacle(world: WorldModel, index: int) -> str:
     """Return why a thing cannot be taken, or ""."""
-    if not things:
-        return "that is no thing"
-    thing = world.things[things[0]]
-    over = world.above[things[0]]
+    thing, over = world.things[index], world.above[index]
     if over is not None:
         upper = world.things[over]
         return f"the {thing.color} {thing.kind} is under the {upper.color} {upper.kind}"
     if thing.kind in FIXED:
         return f"the {thing.color} {thing.kind} is fixed"
     return f"the see-through {thing.kind} only marks a place" if thing.target else ""
+
+
+def topmost(world: WorldModel, index: int) -> int:
+    """Return what stands above all in the tower of a thing."""
+    while (over := world.above[index]) is not None:
+        index = over
+    return index
 
 
 def stacked_last(plan: Draft) -> int | None:
@@ -595,6 +597,9 @@ def finished(plan: Draft) -> Draft:
     """Return the plan, or why it is none: a phrase still waits for its verb."""
     if not plan.failure and not plan.steps and plan.notes:
         return replace(plan, failure=plan.notes[0], reason="already")
-    if not plan.failure and plan.topic is not None:
-        plan = replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
-    return plan
+    return plan if plan.failure or plan.topic is None else unsaid(plan, plan.topic)
+
+
+def unsaid(plan: Draft, topic: Clause) -> Draft:
+    """Return that it is not said what to do with a phrase."""
+    return replace(plan, failure="it is not said what to do with it", reason="what", entity=topic.entity)
