@@ -16,7 +16,7 @@ from language.normalise import plain_start
 from language.remarks import command, is_chat
 from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.signalling import plainest
-from language.words import CONTROLS, FILLERS, TABLE, colors, nouns, phrases
+from language.words import CONTROLS, FILLERS, TABLE, names, phrases
 
 MARKS = ".,;:!?"
 _JOINS = (",", "and", "then", ";")
@@ -30,21 +30,8 @@ _A_BIT_BACK = re.compile(  # "too far, move it back a little"
     r"(?:back(?: by)?(?: just)? (?:a )?(?:tiny |little |small )*(?:bit|little|tad|touch|notch|smidge)"
     r"|(?:a )?(?:tiny |little |small )*(?:bit|little) back)(?: please| again)*$"
 )
-_ADVERBS = (
-    "so",
-    "too",
-    "very",
-    "pretty",
-    "a bit too",
-    "really",
-    "actually",
-    "just",
-    "simply",
-    "honestly",
-    "quite",
-    "even",
-    "totally",
-    "literally",
+_ADVERBS = frozenset(
+    phrases("so, too, very, pretty, really, actually, just, simply, honestly, quite, even, totally, literally")
 )
 SIGNALS = ("stop", "wait", "continue", "home", "undo", "again", "faster", "slower")
 _NEGATED = re.compile(
@@ -76,12 +63,8 @@ _EMPTY = Part(0, 0, (), None)
 @cache
 def _phrases() -> dict[tuple[str, ...], str]:
     """Return the phrases of signals, replies and small talk, each with what it does."""
-    tables = {
-        **CONTROLS,
-        **TABLE["replies"],
-        "social": f"{TABLE['social']}, {TABLE['invitations']}",
-        "polite": TABLE["polite"],
-    }
+    social = f"{TABLE['social']}, {TABLE['invitations']}"
+    tables = {**CONTROLS, **TABLE["replies"], "social": social, "polite": TABLE["polite"]}
     found = ((act, _plain(t.text for t in scan(p))) for act, text in reversed(tables.items()) for p in phrases(text))
     return {words: act for act, words in found if words}
 
@@ -106,7 +89,7 @@ def _corrected(word: str) -> str:
     swapped = [each for each in near if sorted(each) == sorted(word)]
     near = swapped or [each for each in near if undoubled(each) == undoubled(word)] or near
     close = {each for each, cost in spellings(word) if cost <= SPELLING}
-    named = {*colors(), *(noun for names in nouns().values() for noun in names)} & close
+    named = names() & close
     return near[0] if len(near) == 1 and not named else word
 
 
@@ -538,15 +521,6 @@ _PROPOSED = re.compile(
 def proposal(asked: str) -> str | None:
     """Return the command of which a sentence asks whether it is possible, or what would come of it."""
     match = _PROPOSED.match(question(" ".join(token.text for token in scan(asked))) or asked)
-    return (
-        None
-        if match is None
-        else match["command"]
-        or match["told"]
-        or match["not"]
-        or match["able"]
-        or match["mine"]
-        or match["ought"]
-        or match["asked"]
-        or f"put {match['what']} {match['where']}"
-    )
+    if match is None:
+        return None
+    return f"put {match['what']} {match['where']}" if match["what"] else match[match.lastgroup or 0]

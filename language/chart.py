@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from language import costs
+from language.cheapest import cheapest
 from language.lattice import BARE_PLACES, Item, Lattice
 from language.meanings import Entity, Measure, RelationPhrase
 from language.spots import MiddleDistance
@@ -267,9 +268,9 @@ class Chart:
             complete = [self._judged(item) for item in phrases]
             layer = complete
             for _ in range(MOST_RELATIONS):
-                layer = self._best([self._judged(item) for item in self._with_relation(layer)])
+                layer = cheapest([self._judged(item) for item in self._with_relation(layer)], KEPT, WORSE)
                 complete = complete + layer
-            self._entities[start] = self._best(complete)
+            self._entities[start] = cheapest(complete, KEPT, WORSE)
         return self._entities[start]
 
     def _superlative_after(self, item: Item) -> list[Item]:
@@ -346,15 +347,6 @@ class Chart:
         cost = self._judge(item.value)
         return item._replace(cost=item.cost + cost) if cost else item
 
-    def _best(self, items: list[Item]) -> list[Item]:
-        """Return the cheapest items of each span."""
-        spans: dict[int, list[Item]] = {}
-        for item in sorted(items, key=lambda item: item.cost):
-            kept = spans.setdefault(item.end, [])
-            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
-                kept.append(item)
-        return [item for kept in spans.values() for item in kept]
-
     def relations(self, start: int) -> list[Item]:
         """Return the relations with their anchors that begin at a token."""
         if start not in self._relations:
@@ -363,7 +355,7 @@ class Chart:
             for gap in self.lattice.gaps(start):
                 for item in self._without_gap(gap.end):
                     found.append(Item(item.end, item.value, item.cost + gap.cost, item.skipped | gap.skipped))
-            self._relations[start] = self._best_relations(found)
+            self._relations[start] = cheapest(found, KEPT, WORSE, lambda item: (item.end, item.value.name))
         return self._relations[start]
 
     def _without_gap(self, start: int) -> list[Item]:
@@ -373,14 +365,6 @@ class Chart:
             further = [more for each in plain for more in self._by(each)]
             self._ungapped[start] = [*plain, *self._measured(start), *further]
         return self._ungapped[start]
-
-    def _best_relations(self, items: list[Item]) -> list[Item]:
-        spans: dict[tuple, list[Item]] = {}
-        for item in sorted(items, key=lambda item: item.cost):
-            kept = spans.setdefault((item.end, item.value.name), [])
-            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
-                kept.append(item)
-        return [item for kept in spans.values() for item in kept]
 
     def _plain(self, start: int) -> list[Item]:
         found = []
@@ -435,7 +419,7 @@ class Chart:
                 for more in self.entities(item.end + 1 + (self.lattice.text(item.end + 1) in ("and", "or", "nor")))
                 if more.value.kind == "thing"
             ]
-            layer = self._best(layer)
+            layer = cheapest(layer, KEPT, WORSE)
             found = found + layer
         return found
 

@@ -174,16 +174,6 @@ def _joined(steps: Sequence[tuple[str, str]]) -> str:
 class Conditions(Corrections):
     """Compares the conditions of a sentence with the world."""
 
-    def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
-        raise NotImplementedError
-
-    def _answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
-        raise NotImplementedError
-
-    def copy(self) -> Conditions:
-        """Return a dialogue with the same memory, to try a sentence."""
-        raise NotImplementedError
-
     def _of_turns(self, sentence: str, text: str, made: tuple[Gesture, ...]) -> Outcome | None:
         """Return what comes of a sentence that only goes on from the turns before. text: its words."""
         found = self._restored(sentence, text) or self._raised(sentence, text) or self._nearer(sentence, text)

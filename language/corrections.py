@@ -78,13 +78,6 @@ _BARE = ("verb", "relation", "direction", "number")  # what is said without the 
 class Corrections(Replies):
     """Does the last sentence with other words."""
 
-    def _answer(self, sentence: str, made: tuple) -> Outcome:
-        raise NotImplementedError
-
-    def copy(self) -> Corrections:
-        """Return a dialogue with the same memory, to try a sentence."""
-        raise NotImplementedError
-
     def _contrasted(self, sentence: str) -> Outcome | None:
         """Return what comes of the last sentence with some other words: "next to, not on"; None of other sentences."""
         text = " ".join(token.text for token in scan(sentence)).rstrip(" .!?")

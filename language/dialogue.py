@@ -79,10 +79,6 @@ _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near"
 class Dialogue(Conditions):
     """Answers sentences, and remembers what was said and done."""
 
-    def copy(self) -> Dialogue:
-        """Return a dialogue with the same memory, to try a sentence."""
-        return replace(self, turns=[*self.turns])
-
     def answer(self, sentence: str, scene: Scene | WorldModel | None = None, pointed: Pointed = ()) -> Outcome:
         """Return the outcome of a sentence and remember it.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from language.meanings import Gesture, Reading
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
@@ -47,6 +47,16 @@ class Memory:
     surroundings: dict[str, Any] = field(default_factory=dict)
     body: str = "a simulated robot arm, not a real one"
     homeward: bool = False
+
+    def copy(self) -> Self:
+        """Return a dialogue with the same memory, to try a sentence."""
+        return replace(self, turns=[*self.turns])
+
+    def _answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
+        raise NotImplementedError
+
+    def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
+        raise NotImplementedError
 
     def remember(self, outcome: Outcome, world: WorldModel) -> None:
         """Add an outcome to the memory. world: before it."""

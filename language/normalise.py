@@ -25,21 +25,16 @@ from language.scanning import COLOR, Token, inflections, said, scan, verb_words
 from language.spoken import without_restarts
 from language.verbs import KNOWN, Act
 from language.whereabouts import plain_regions
-from language.words import phrases
+from language.words import FILLERS, TABLE, names, phrases
 
 LONGEST_SENTENCE, MOST_WORDS = 600, 80  # characters as typed; words
 REWRITES = 8  # times that one rule may change one sentence
 
-
 _BULLET = re.compile(
-    (
-        r"(^|[\n;.,!?]|\s)\s*(?:\(?\d{1,2}[.):](?!\d)|[*\u2022\u25cf\u25e6\u00b7]|\(?[a-h]\)|step "
-        r"\d{1,2}\s?[:.)]?)(?=\s)"
-    ),
+    r"(^|[\n;.,!?]|\s)\s*(?:\(?\d{1,2}[.):](?!\d)|[*\u2022\u25cf\u25e6\u00b7]|\(?[a-h]\)|step "
+    r"\d{1,2}\s?[:.)]?)(?=\s)",
     re.I,
 )
-
-
 _ELLIPSIS = re.compile(r"\.{2,}|\u2026")  # a speaker hesitates: "next to... next to the red one"
 
 
@@ -47,11 +42,7 @@ def normalised(sentence: str) -> list[Token]:
     """Return the plain words of a sentence. Raises NotUnderstood if it is too long."""
     if len(sentence) > LONGEST_SENTENCE:
         raise NotUnderstood(f"the sentence has {len(sentence)} characters; use at most {LONGEST_SENTENCE}")
-    text = (
-        _BULLET.sub(lambda m: m[1] + ";".rjust(len(m[0]) - len(m[1])), sentence)
-        if _BULLET.search(sentence)
-        else sentence
-    )
+    text = _BULLET.sub(lambda m: m[1] + ";".rjust(len(m[0]) - len(m[1])), sentence)
     found = scan(_ELLIPSIS.sub(lambda m: ",".ljust(len(m[0])), text))
     if len(found) > 2 * MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
@@ -79,12 +70,9 @@ def _named() -> frozenset[str]:
 @cache
 def known_words() -> frozenset[str]:
     """Return the words of the tables and of the rules, and the forms of verbs: these are spelled as they are meant."""
-    from language.words import TABLE, colors, nouns
-
     rules = re.sub(r"\\[a-z]", " ", Path(__file__).with_name("wordings.yaml").read_text("utf-8"))  # not "\b"
-    named = (*colors(), *(noun for names in nouns().values() for noun in names))
     forms = (each[2] for name, verb in KNOWN.items() for phrase in said(verb) for each in inflections(name, phrase))
-    return frozenset(re.findall(r"[a-z]+", " ".join([json.dumps(TABLE), rules, *named, *forms, verb_words()])))
+    return frozenset(re.findall(r"[a-z]+", " ".join([json.dumps(TABLE), rules, *names(), *forms, verb_words()])))
 
 
 @cache
@@ -286,10 +274,8 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
         verbs = [i for i in range(start, len(words)) if re.fullmatch(verb_words(), words[i])]
         whole = start if words[start:] and words[-1] in ("it", "that", "them") else None  # "into the drawer with it"
         return verbs[-1] if verbs else whole
-    from language.words import FILLERS, colors, nouns
-
     prepositions = set(phrases("in, on, into, to, onto, behind, under, near, left, right, from, between, next, out"))
-    heads = {noun for kinds in nouns().values() for noun in kinds} | set(colors())
+    heads = names()
     if first in prepositions:
         starts = [i for i in range(start, len(words)) if words[i] in prepositions]
         return starts[-1] if starts else None

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest, extent, half_of, pair_of
+from language.spots import Rest, along, extent, half_of, middle_of, pair_of
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
@@ -551,8 +551,7 @@ class Resolver:
         """Return the referents that are farthest toward the sides."""
         tie = TIE * self.world.pitch
         if "center" in sides and not self.world.cells and len(refs) % 2 and len(refs) > 2:  # "the middle one" of a row
-            dx, dy = self.world.toward("left")
-            return sorted(refs, key=lambda ref: dx * ref.x + dy * ref.y)[len(refs) // 2 :][:1]
+            return [middle_of(self.world, refs)]
         if "center" in sides:
             middle = spot(*self.world.center)
             return best(refs, lambda ref: distance(ref.x, ref.y, middle), tie)
@@ -561,10 +560,8 @@ class Resolver:
             bearing = [ref for ref in refs if ref.things and self.world.above[ref.things[-1]] is not None]
             refs = bearing if sides[0] == "down" and bearing and not self.world.cells else refs
             return best(refs, lambda ref: sign * ref.top, tie)
-        vectors = [self.world.toward(side) for side in dict.fromkeys(map(self.world.side, sides))]
-        if number > 1:  # "the three cubes on the right"
-            return sorted(refs, key=lambda ref: -sum(dx * ref.x + dy * ref.y for dx, dy in vectors))[:number]
-        return best(refs, lambda ref: -sum(dx * ref.x + dy * ref.y for dx, dy in vectors), tie)
+        ways = [along(self.world, side) for side in dict.fromkeys(map(self.world.side, sides))]
+        return best(refs, lambda ref: -sum(way(ref) for way in ways), tie, number)
 
     def _superlative(self, name: str, refs: list[Ref], number: int) -> list[Ref]:
         tie = TIE * self.world.pitch
@@ -594,7 +591,8 @@ class Resolver:
                     return self._toward(refs, (start,))
             if relation.name == "direction" and relation.value:
                 start = relation.value
-        dx, dy = self.world.toward(start) if start in (*SIDES, "front", "back", "forward", "backward") else (0.0, 1.0)
-        order = sorted(refs, key=lambda ref: -(dx * ref.x + dy * ref.y))
+        known = start in (*SIDES, "front", "back", "forward", "backward")
+        way = along(self.world, start) if known else attrgetter("y")
+        order = sorted(refs, key=lambda ref: -way(ref))
         at = entity.ordinal - 1 if entity.ordinal > 0 else len(order) - 1
         return order[at : at + 1]

@@ -218,8 +218,7 @@ def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> 
     contradicted = [c for c in whole if _shown(c.plan) or c.cost < top.cost or _is_so(c)]
     if contradicted:  # "take this cube" of a sphere
         return refused(sentence, found._replace(failed=contradicted), world)
-    words = " ".join(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in strange[:3])
-    return _unknown(sentence, words, top.plan, lattice, world)
+    return _unknown(sentence, strange, top.plan, lattice, world)
 
 
 def _shown(plan: Draft) -> tuple[int, ...]:
@@ -229,7 +228,13 @@ def _shown(plan: Draft) -> tuple[int, ...]:
     return plan.entity.pointed.things
 
 
-def _unknown(sentence: str, words: str, plan: Draft, lattice: Lattice, world: WorldModel) -> Refusal:
+def _typed(sentence: str, lattice: Lattice, indices: Sequence[int]) -> tuple[str, ...]:
+    """Return some words as they were typed."""
+    return tuple(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in indices)
+
+
+def _unknown(sentence: str, strange: Sequence[int], plan: Draft, lattice: Lattice, world: WorldModel) -> Refusal:
+    words = " ".join(_typed(sentence, lattice, strange[:3]))
     asked = f", only {said(world, plan.steps)}" if plan.steps and not plan.failure else ""
     tokens = [token.text for token in lattice.tokens]
     text = _below(tokens) or f"I am not sure what you mean by {words!r}{asked}"
@@ -300,8 +305,7 @@ def _telling_cost(choice: Choice) -> float:
 
 def understood(sentence: str, choice: Choice, lattice: Lattice, world: WorldModel, following: float = math.inf) -> Plan:
     """Return the outcome of a plan. following: the cost of the next best one."""
-    tokens = lattice.tokens
-    unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in choice.reading.unused)
+    unused = _typed(sentence, lattice, choice.reading.unused)
     gap = 1.0 if choice.plan.arbitrary else 1.0 - 0.5 * math.exp(-(following - choice.cost) / costs.CLOSE)
     confidence = min(1.0, round(gap * math.exp(-choice.cost / costs.DOUBT), 3))
     notes = (*choice.plan.notes, *_loose_colors(choice, world))
@@ -359,11 +363,7 @@ def _one_fits(outcomes: Sequence[Plan], choice: Choice, world: WorldModel) -> st
 def which(world: WorldModel, candidates: Sequence[int]) -> str:
     """Return the question which of some things is meant: three at most are named."""
     names = [name(world, i) for i in candidates[:MOST_NAMED]]
-    return (
-        (f"Do you mean {', '.join(names)}, or something else?")
-        if len(names) > 1
-        else (f"Do you mean {names[0]}, or something else?")
-    )
+    return f"Do you mean {', '.join(names)}, or something else?"
 
 
 def _doubted(sentence: str, found: Choices, world: WorldModel) -> Outcome:
@@ -394,15 +394,13 @@ def refused(sentence: str, found: Choices, world: WorldModel) -> Outcome:
 
 def _reason(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> Outcome:
     """Return why the likeliest plan cannot be carried out, or a question for what it leaves open."""
-    plan, tokens = top.plan, lattice.tokens
+    plan = top.plan
     span = _span(plan.entity, lattice, sentence)
-    unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in top.reading.unused)
+    unused = _typed(sentence, lattice, top.reading.unused)
     strange = [i for i in top.reading.unused if i in lattice.unknown]
-    part, words = sentence[slice(*span)], [token.text for token in tokens]
+    part, words = sentence[slice(*span)], [token.text for token in lattice.tokens]
     if strange and plan.reason != "never" and not world.cells:
-        return _unknown(
-            sentence, " ".join(sentence[tokens[i].start : tokens[i].end] for i in strange[:3]), plan, lattice, world
-        )
+        return _unknown(sentence, strange, plan, lattice, world)
     if plan.reason == "where":
         return _where(sentence, top, unused, span, world)
     if plan.reason == "several":
@@ -567,9 +565,8 @@ def _with(step: Clause, entity: Entity | None, index: int) -> Clause:
 
 def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
     """Return the refusal of a sentence without any reading."""
-    tokens = lattice.tokens
-    words = [token.text for token in tokens]
-    strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown) if words[i] not in PLAIN]
+    words = [token.text for token in lattice.tokens]
+    strange = _typed(sentence, lattice, [i for i in sorted(lattice.unknown) if words[i] not in PLAIN])
     if strange:
         many = f"I do not know the words {' '.join(strange[:5])!r}"
         text = _below(words) or (f"I do not know the word {strange[0]!r}" if len(strange) == 1 else many)

@@ -17,7 +17,7 @@ from language.meanings import Clause, Entity, RelationPhrase
 from language.movers import Movers
 from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import thing_ref
-from language.spots import Point, Spot, a_name, pinned, place_at, point_at, settle
+from language.spots import Point, Spot, a_name, along, pinned, place_at, point_at, settle
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle, topmost
 from language.verbs import Act, doing
 from language.words import ENCLOSING
@@ -382,9 +382,8 @@ class Several(Movers):
     def _rank(self, world: WorldModel, index: int, stacks: bool) -> tuple[float, ...]:
         """Return what sorts things whose order is not said: by the tower they are in, or from left to right."""
         thing = world.things[index]
-        dx, dy = world.toward("left")
         if not stacks:
-            return -(dx * thing.x + dy * thing.y), thing.bottom
+            return -along(world, "left")(thing), thing.bottom
         column = world.column(thing.x, thing.y) if world.is_loose(index) and index not in world.inside else []
         return -len(column) if len(column) > 1 else 0, thing.x, thing.y, thing.bottom
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -186,6 +186,17 @@ def half_of(world: WorldModel, things: Sequence[Any], sides: tuple[str, ...]) ->
     (x0, x1, y0, y1), (dx, dy), (x, y) = world.bounds, world.toward(world.side(sides[0])), world.center
     least = MIDDLE * ((x1 - x0) * abs(dx) + (y1 - y0) * abs(dy))
     return [each for each in things if dx * (each.x - x) + dy * (each.y - y) > least]
+
+
+def along(world: WorldModel, side: str) -> Callable[[Any], float]:
+    """Return a function of how far something with x and y is toward a side."""
+    dx, dy = world.toward(side)
+    return lambda each: dx * each.x + dy * each.y
+
+
+def middle_of(world: WorldModel, things: Sequence[Any]) -> Any:
+    """Return the one of some things, each with x and y, that is in the middle from left to right."""
+    return sorted(things, key=along(world, "left"))[len(things) // 2]
 
 
 def extent(world: WorldModel, index: int) -> float:
