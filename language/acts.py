@@ -14,17 +14,13 @@ from language.embedded import TELLING, direct
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
 from language.remarks import command, is_chat
-from language.scanning import COLOR, THING, Token, scan, verb_words
-from language.signalling import plainest
+from language.scanning import COLOR, MARKS, THING, Token, scan, text_of, verb_words
+from language.signalling import PLACES, STARTING, plainest
 from language.words import CONTROLS, FILLERS, TABLE, names, phrases
 
-MARKS = ".,;:!?"
 _JOINS = (",", "and", "then", ";")
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
-_HOME = re.compile(
-    r"\b(?:start|starting|initial|original|resting|rest|neutral|default|parking|base|first) "
-    r"(?:position|pose|point|place|posture|location|configuration|stance)\b"
-)
+_HOME = re.compile(rf"\b(?:{STARTING}) (?:{PLACES}|configuration|stance)\b")
 _A_BIT_BACK = re.compile(  # "too far, move it back a little"
     r"^(?:too (?:far|much) )?(?:(?:now |please )*(?:come|go|move|bring|put|push|pull|take)(?: it| that)? )?"
     r"(?:back(?: by)?(?: just)? (?:a )?(?:tiny |little |small )*(?:bit|little|tad|touch|notch|smidge)"
@@ -132,7 +128,7 @@ def _act_of(words: Sequence[str]) -> str | None:
 
 def says(sentence: str, table: str) -> bool:
     """Whether a sentence has a phrase of a table of `words.yaml`, such as "greetings"."""
-    text = " ".join(token.text for token in scan(sentence))
+    text = text_of(scan(sentence))
     return any(re.search(rf"\b{re.escape(phrase)}\b", text) for phrase in phrases(TABLE[table]))
 
 
@@ -520,7 +516,7 @@ _PROPOSED = re.compile(
 
 def proposal(asked: str) -> str | None:
     """Return the command of which a sentence asks whether it is possible, or what would come of it."""
-    match = _PROPOSED.match(question(" ".join(token.text for token in scan(asked))) or asked)
+    match = _PROPOSED.match(question(text_of(scan(asked))) or asked)
     if match is None:
         return None
     return f"put {match['what']} {match['where']}" if match["what"] else match[match.lastgroup or 0]

@@ -19,7 +19,7 @@ from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.questions import Questions
 from language.remarks import command as command_word
 from language.remarks import tells_of
-from language.scanning import COLOR, THING, scan, verb_words
+from language.scanning import COLOR, THING, scan, text_of, verb_words
 from language.talk import name, offers, phrase
 
 MOST = 4  # conditions of a sentence
@@ -205,7 +205,7 @@ class Conditions(Corrections):
         asked = question(" ".join(parts[-1].words)) if len(parts) > 1 and parts[-1].mark == "?" else None
         command = sentence[: parts[-1].start].rstrip(" ,;.!-")
         if both := _AND_TELL.match(sentence):
-            command, asked = both["do"], question(" ".join(token.text for token in scan(both["asked"])))
+            command, asked = both["do"], question(text_of(scan(both["asked"])))
         if asked is None or not command_word().match(" ".join(parts[0].words)):
             return None
         trial = self.copy()

@@ -15,12 +15,13 @@ import numpy as np
 from language.acts import Part, question
 from language.lattice import Lattice
 from language.meanings import Clause, Measure, Reading, RelationPhrase
+from language.ordering import TIMES
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY
 from language.referents import SIDEWAYS
 from language.replies import Replies, on_other_side
 from language.revising import TURNED, opposite, partly_back
-from language.scanning import COLOR, THING, scan
+from language.scanning import COLOR, THING, scan, text_of
 from language.spots import pinned
 from language.talk import phrase
 from language.words import colors
@@ -50,7 +51,6 @@ _UNDO = re.compile(
     rf"(?: last)? (?P<n>{_N}){_STEPS}|take (?:last )?(?P<n2>{_N}){_STEPS} back)"
     r"(?: (?:that |which )?(?:you|we|i) (?:just |have )*(?:did|done))?(?: please| again)*"
 )
-NUMBERS = {"both": 2, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 _CHOSEN = re.compile(  # an answer that is said as a wish: "I'd like the red one", "use the blue one for that"
     r"(?:(?:yes|okay|well|hm|please|then|so|maybe|,) )*"
     r"(?P<wish>i (?:(?:would|will|do|really|rather|just|think|guess) )*"
@@ -80,7 +80,7 @@ class Corrections(Replies):
 
     def _contrasted(self, sentence: str) -> Outcome | None:
         """Return what comes of the last sentence with some other words: "next to, not on"; None of other sentences."""
-        text = " ".join(token.text for token in scan(sentence)).rstrip(" .!?")
+        text = text_of(scan(sentence)).rstrip(" .!?")
         last = next((turn for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
         match = next(filter(None, (pattern.match(text) for pattern in _CONTRASTS)), None) if last else None
         if match is None or last is None or self.now.cells:
@@ -161,9 +161,8 @@ class Corrections(Replies):
 
     def _undone_together(self, words: Sequence[str]) -> int:
         """Return how many plans are to be undone: "undo the last two", "take both moves back"; 0 in other sentences."""
-        text = " ".join(words)
-        match = _UNDO.fullmatch(text)
-        return NUMBERS[match["n"] or match["n2"]] if match else 0
+        match = _UNDO.fullmatch(" ".join(words))
+        return TIMES.get(match["n"] or match["n2"], 2) if match else 0  # "both"
 
     def _less(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the plan that takes a part of the last move back: a bit, or half of it; None if it was no move."""

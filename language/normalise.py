@@ -21,7 +21,7 @@ from language.errors import NotUnderstood
 from language.objects import NOUNS
 from language.ordering import ordered, repeated
 from language.remarks import without_remarks
-from language.scanning import COLOR, Token, inflections, said, scan, verb_words
+from language.scanning import COLOR, MARKS, Token, inflections, said, scan, text_of, verb_words
 from language.spoken import without_restarts
 from language.verbs import KNOWN, Act
 from language.whereabouts import plain_regions
@@ -46,7 +46,7 @@ def normalised(sentence: str) -> list[Token]:
     found = scan(_ELLIPSIS.sub(lambda m: ",".ljust(len(m[0])), text))
     if len(found) > 2 * MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
-    while found and found[0].text in ".,;:!?":
+    while found and found[0].text in MARKS:
         del found[0]
     found = _undoubled(_of_program(sentence, _spelled(_trimmed(without_restarts(found)))))
     found = _unframed(arranged(rewritten(plain_regions(found), wordings()["orders"])))
@@ -168,7 +168,7 @@ def _trimmed(found: list[Token]) -> list[Token]:
     """Return the words without marks at both ends and after other marks."""
     kept: list[Token] = []
     for token in found:
-        if token.text in ",;:.!?" and (not kept or kept[-1].text in ",;:.!?"):
+        if token.text in MARKS and (not kept or kept[-1].text in MARKS):
             if kept and token.text != ",":
                 kept[-1] = token
             continue
@@ -178,7 +178,7 @@ def _trimmed(found: list[Token]) -> list[Token]:
 
 def plain_start(text: str) -> str:
     """Return plain words without the frames before a command."""
-    return " ".join(token.text for token in _trimmed(_unframed(scan(text))))
+    return text_of(_trimmed(_unframed(scan(text))))
 
 
 class Rule(NamedTuple):
@@ -191,7 +191,7 @@ class Rule(NamedTuple):
 
 def rewritten(found: list[Token], rules: tuple[Rule, ...]) -> list[Token]:
     """Return the words after some rules. New words stand for all words that the pattern matched."""
-    text, places = " ".join(token.text for token in found), {}
+    text, places = text_of(found), {}
     for pattern, replacement, anchor in rules:
         for _ in range(REWRITES):
             if anchor and anchor not in places:
@@ -204,7 +204,7 @@ def rewritten(found: list[Token], rules: tuple[Rule, ...]) -> list[Token]:
             if after == found:
                 break
             found = after
-            text, places = " ".join(token.text for token in found), {}
+            text, places = text_of(found), {}
     return found
 
 
@@ -230,7 +230,7 @@ def _replaced(found: list[Token], match: re.Match[str], replacement: str) -> lis
 
 def repaired(found: list[Token]) -> list[Token]:
     """Return the words without what a speaker took back: "the blue no wait the orange cube"."""
-    text = " ".join(token.text for token in found)
+    text = text_of(found)
     for match in _REPAIR.finditer(text):
         first = text[: match.start()].count(" ")
         before, after = found[:first], found[first + len(match[0].split()) :]

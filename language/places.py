@@ -197,16 +197,19 @@ def _around(world: WorldModel, mover: int, anchor: Ref) -> list[Point]:
 
 def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Point]:
     refs = [resolver.resolve(anchor) for anchor in relation.anchors]
-    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
     found = []
-    for one, other in pairs:
-        if mover in one.things + other.things or one.things == other.things:
-            continue
+    for one, other in _pairs(refs, mover):
         x, y = (one.x + other.x) / 2, (one.y + other.y) / 2
         if resolver.world.cells and (x != int(x) or y != int(y)):
             x, y = float(round(x)), float(round(y))
         found.append(Point(x, y, one.cost + other.cost, free=True))
     return found
+
+
+def _pairs(refs: list[list[Ref]], mover: int) -> list[tuple[Ref, Ref]]:
+    """Return the pairs of the referents of two anchors, or of one, that are others than the moved thing."""
+    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
+    return [(a, b) for a, b in pairs if a.things != b.things and mover not in a.things + b.things]
 
 
 def _also(resolver: Resolver, points: list[Point], relation: RelationPhrase) -> list[Point]:
@@ -537,13 +540,10 @@ def _aside(world: WorldModel, mover: int) -> _Wish:
 
 def _between(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[_Wish]:
     refs = [sorted(_of_kind(resolver, anchor, mover), key=lambda ref: ref.cost)[:4] for anchor in relation.anchors]
-    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
     found = []
-    for one, other in pairs:
-        if one.things != other.things and mover not in one.things + other.things:
-            middle = (one.x + other.x) / 2, (one.y + other.y) / 2
-            wish = _near_point(*middle, 0.06, "the place between the two")
-            found.append(wish._replace(cost=one.cost + other.cost))
+    for one, other in _pairs(refs, mover):
+        wish = _near_point((one.x + other.x) / 2, (one.y + other.y) / 2, 0.06, "the place between the two")
+        found.append(wish._replace(cost=one.cost + other.cost))
     return found
 
 

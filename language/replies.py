@@ -408,7 +408,7 @@ class Replies(Recollections):
             return None
         slots = ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
         name_of = "in" if index in self.now.containers else "on"
-        tried = [each for slot in slots if (each := filled(self.last, pinned(index), slot, name_of)) is not None]
+        tried = [filled(self.last, pinned(index), slot, name_of) for slot in slots]
         return self._tried(sentence, tried, found)
 
     def _asks_goal(self, asked: Question) -> bool:

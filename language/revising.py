@@ -41,23 +41,20 @@ def is_unshown(entity: Entity | None) -> bool:
     return entity.kind == "it" or (entity.kind == "thing" and not tells(entity))
 
 
-def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading | None:
+def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading:
     """Return the last reading with a thing as its object, or as the anchor of its place. relation: if it had none."""
     clause = last.steps[-1]
     if slot == "object":
-        return replace(last, steps=(*last.steps[:-1], replace(clause, entity=entity)), cost=0.0)
-    if not clause.places or not clause.places[0].anchors:
-        place = RelationPhrase(relation, (entity,))
-        return replace(last, steps=(*last.steps[:-1], replace(clause, places=(place,))), cost=0.0)
-    place = clause.places[0]
-    anchors = (entity, *place.anchors[1:])
-    if place.name in ("on", "in") and entity.noun is not None:  # "on the red cube", "no, the fridge"
-        place = replace(place, name="in" if entity.noun in ENCLOSING else "on")
-    return replace(
-        last,
-        steps=(*last.steps[:-1], replace(clause, places=(replace(place, anchors=anchors), *clause.places[1:]))),
-        cost=0.0,
-    )
+        clause = replace(clause, entity=entity)
+    elif not clause.places or not clause.places[0].anchors:
+        clause = replace(clause, places=(RelationPhrase(relation, (entity,)),))
+    else:
+        place = clause.places[0]
+        if place.name in ("on", "in") and entity.noun is not None:  # "on the red cube", "no, the fridge"
+            place = replace(place, name="in" if entity.noun in ENCLOSING else "on")
+        place = replace(place, anchors=(entity, *place.anchors[1:]))
+        clause = replace(clause, places=(place, *clause.places[1:]))
+    return replace(last, steps=(*last.steps[:-1], clause), cost=0.0)
 
 
 def revised(last: Reading, reply: Reading) -> list[Reading]:
@@ -77,13 +74,12 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
     if clause.entity is not None and rejected is not None and len(anchors) == 1:  # "I meant X, not Y": Y says which
         new = replace(clause.entity, relations=tuple(r for r in clause.entity.relations if r.name != "not"))
         if rejected.colors and rejected.colors == anchors[0].colors:
-            changed = filled(last, replace(new, noun=new.noun or anchors[0].noun), "goal")
-            return [changed] if changed is not None else []
+            return [filled(last, replace(new, noun=new.noun or anchors[0].noun), "goal")]
     if clause.entity is not None:
         phrases = _completed(last.steps, clause.entity)
         objects = [Reading(each) for phrase in phrases if (each := _replaced(last.steps, phrase))]
-        goals = filled(last, clause.entity, "goal") if anchors and clause.entity.kind == "thing" else None
-        meant = [goals] if goals is not None and (clause.entity.noun in ENCLOSING or clause.entity.role) else []
+        bears = clause.entity.kind == "thing" and (clause.entity.noun in ENCLOSING or clause.entity.role)
+        meant = [filled(last, clause.entity, "goal")] if anchors and bears else []
         return [*meant, *objects] if clause.entity.role == "target" else [*objects, *meant]
     old = last.steps[-1]
     places = tuple(_anchored(place, old.places) for place in clause.places)
@@ -102,8 +98,6 @@ def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
     at = max(i for i, step in enumerate(last.steps) if any(len(place.anchors) == 1 for place in step.places))
     old = last.steps[at].places[0].anchors[0]
     put = filled(Reading((replace(last.steps[at], entity=one),)), other, "goal")
-    if put is None:
-        return []
     noun = old.noun if old.noun in ENCLOSING else None
     steps = [
         replace(each, entity=other) if noun and each.entity is not None and each.entity.noun == noun else each
@@ -178,12 +172,10 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
         replace(place, name=TURNED.get(place.name, place.name), value=TURNED.get(place.value or "", place.value))
         for place in clause.places
     )
-    same = (
-        [place.name for place in turned] == [place.name for place in clause.places]
-        and turned
-        and (turned[0].value == clause.places[0].value)
-    )
-    return None if same or not turned else Reading((replace(clause, places=turned),))
+    same = [place.name for place in turned] == [place.name for place in clause.places]
+    if not turned or (same and turned[0].value == clause.places[0].value):
+        return None
+    return Reading((replace(clause, places=turned),))
 
 
 def partly_back(last: Reading) -> Reading | None:

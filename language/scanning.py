@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import NamedTuple
 
 from language.verbs import KNOWN, OBJECT, Act
 from language.words import TABLE, phrases
 
+MARKS = frozenset(".,;:!?")
 THING = "cubes?|blocks?|drawer|fridge|button|lever|wheel|tower|stack"
 COLOR = "red|blue|yellow|orange|cyan|gray|grey|green|pink|purple|white"
 
@@ -30,6 +31,11 @@ class Token(NamedTuple):
     text: str
     start: int
     end: int
+
+
+def text_of(tokens: Iterable[Token]) -> str:
+    """Return words and marks as a text, which single spaces separate."""
+    return " ".join(token.text for token in tokens)
 
 
 _WORD = re.compile(

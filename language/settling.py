@@ -18,7 +18,7 @@ from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner
 from language.referents import color_fits
-from language.scanning import Token
+from language.scanning import Token, text_of
 from language.sentences import readings
 from language.several import GRIPS_ONE
 from language.spots import pinned
@@ -484,7 +484,7 @@ def _is_like(world: WorldModel, index: int, entity: Entity) -> bool:
 def _cannot(choice: Choice, lattice: Lattice) -> str:
     clause = next((c for c in choice.reading.steps if c.act is Act.NEVER), None) or choice.reading.steps[-1]
     tokens = lattice.tokens[slice(*clause.span)] or lattice.tokens
-    words = " ".join(token.text for token in tokens[:9])
+    words = text_of(tokens[:9])
     if not any("verb" in edges for edges in lattice.edges):  # of the sentence before
         words = f"do that with {name(choice.plan.world, choice.plan.mover or 0)}"
     why = "no arm of this kind does that"

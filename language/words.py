@@ -27,9 +27,9 @@ def phrases(text: str) -> list[str]:
     return [phrase.strip() for phrase in text.split(", ")]
 
 
-_FIRST_NUMBERS = phrases("zero, one, two, three, four, five, six, seven, eight, nine, ten")
-_FURTHER = {"couple": 2, "couple of": 2, "pair of": 2, "few": 3, "half": 0.5, "dozen": 12, "fifteen": 15, "twenty": 20}
-NUMBERS = {word: float(number) for number, word in [*enumerate(_FIRST_NUMBERS), *((n, w) for w, n in _FURTHER.items())]}
+_COUNTED = phrases("zero, one, two, three, four, five, six, seven, eight, nine, ten")
+_MORE = {"couple": 2, "couple of": 2, "pair of": 2, "few": 3, "half": 0.5, "dozen": 12, "fifteen": 15, "twenty": 20}
+NUMBERS = {word: float(number) for word, number in (*zip(_COUNTED, range(11), strict=True), *_MORE.items())}
 _RANKS = ("first 1st", "second 2nd", "third 3rd", "fourth 4th", "fifth 5th")
 ORDINALS = {word: rank for rank, words in enumerate(_RANKS, 1) for word in words.split()}
 
