@@ -214,9 +214,8 @@ class Conditions(Corrections):
             return None
         trial.remember(outcome, self.now)
         told = Questions(trial.now, trial.planner(), trial.turns).answer(asked)
-        return (
-            replace(outcome, sentence=sentence, notes=(*outcome.notes, f"then: {told.rstrip('.')}")) if told else None
-        )
+        notes = (*outcome.notes, f"then: {told.rstrip('.')}") if told else ()
+        return replace(outcome, sentence=sentence, notes=notes) if told else None
 
     def _about_topic(self, sentence: str, parts: Sequence[Part], made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the plan of a sentence that first says what it is about: "you see the red cube? pick it up"."""

@@ -202,7 +202,7 @@ class Corrections(Replies):
         """Return the reading that puts a thing on the other side of what it was put next to."""
         places = [place for place in last.steps[-1].places if place.name == "near" and place.anchors]
         moved = next((step for step in reversed(steps) if step.carries and step.place is not None), None)
-        refs = self.planner().resolver(self.now, (), None).resolve(places[0].anchors[0]) if places else []
+        refs = self.planner().resolver(self.now, ()).resolve(places[0].anchors[0]) if places else []
         if moved is None or moved.place is None or not refs:
             return None
         dx, dy = moved.place[0] - refs[0].x, moved.place[1] - refs[0].y

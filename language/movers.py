@@ -146,7 +146,7 @@ class Movers(Steps):
         if entity.noun not in (None, thing.kind) or not all(color_fits(plan.world, held, c) for c in entity.colors):
             return False
         if entity.relations or entity.superlative or entity.sides or entity.ordinal or entity.role == "target":
-            return any(ref.things[-1:] == (held,) for ref in self.resolver(plan.world, plan.it, None).resolve(entity))
+            return any(ref.things[-1:] == (held,) for ref in self.resolver(plan.world, plan.it).resolve(entity))
         return True
 
     def _held_cost(self, world: WorldModel, held: int, entity: Entity | None) -> float:

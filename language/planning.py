@@ -50,7 +50,7 @@ class Planner(Several):
         """Return the plans of a reading, the cheapest first; those that fail come last and say why."""
         steps = reading.steps
         if reading.condition is not None:
-            refs = self.resolver(self.world, self.it, None).resolve(reading.condition)
+            refs = self.resolver(self.world, self.it).resolve(reading.condition)
             if refs:
                 self.it = refs[0].things
             else:
@@ -103,7 +103,7 @@ class Planner(Several):
         beside = [each for each in entity.relations if each.name in ("left", "right", "front", "behind", "near")]
         if entity.span[0] > 3 and any(anchor.kind == "it" for each in beside for anchor in each.anchors):
             return 0.0  # the clauses before tell what "it" is
-        refs = self.resolver(self.world, self.it, None).resolve(entity)
+        refs = self.resolver(self.world, self.it).resolve(entity)
         return refs[0].cost if refs else costs.EMPTY
 
     def _either(self, plan: Draft, clause: Clause, last: bool) -> Iterable[Draft]:
@@ -168,7 +168,7 @@ class Planner(Several):
         boxes = [each for step in plan.steps[-1:] for each in (step.object, step.goal) if each in self.world.containers]
         beside = [anchor for each in getattr(clause.entity, "relations", ()) for anchor in each.anchors if anchor.noun]
         if not boxes and plan.box is None and beside:  # "take the one nearest to the drawer and drop it in"
-            named = self.resolver(moved.world, moved.it, None).resolve(beside[-1])
+            named = self.resolver(moved.world, moved.it).resolve(beside[-1])
             boxes = [i for ref in named[:1] for i in ref.things if i in self.world.containers]
         box = mover if mover in self.world.containers else boxes[-1] if boxes else plan.box
         return replace(plan, it=(mover,), box=box, topic=None)

@@ -190,7 +190,7 @@ def _changes_roles(close: list[Choice], planner: Planner) -> bool:
     movers = {c.plan.mover for c in close}
     if other is None or len(close) != 2 or len(movers) != 2:
         return False
-    resolver = planner.resolver(planner.world, (), None)
+    resolver = planner.resolver(planner.world, ())
     return {ref.things[-1] for ref in resolver.resolve(replace(other, other=False)) if len(ref.things) == 1} == movers
 
 
@@ -337,11 +337,8 @@ def _asked(sentence: str, rivals: list[Choice], found: Choices, world: WorldMode
     if len(candidates) == len(outcomes):
         text = _one_fits(outcomes, rivals[0], world) + which(world, candidates)
     else:
-        goals = (
-            [c.plan.anchor for c in rivals]
-            if not world.cells
-            else [s.goal for o in outcomes for s in o.steps if s.carries]
-        )
+        goals = [s.goal for o in outcomes for s in o.steps if s.carries]
+        goals = goals if world.cells else [c.plan.anchor for c in rivals]
         differing = tuple(dict.fromkeys(i for i in goals if i is not None))
         ways = list(dict.fromkeys(said(world, o.steps) for o in outcomes))[:MOST_NAMED]
         text = f"Shall I {listed(ways, 'or')}, or something else?"
@@ -404,16 +401,8 @@ def _reason(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> 
     if plan.reason == "where":
         return _where(sentence, top, unused, span, world)
     if plan.reason == "several":
-        return Question(
-            sentence,
-            0.0,
-            unused,
-            span,
-            which(world, plan.candidates),
-            plan.candidates,
-            _each_way(sentence, top, lattice, world),
-            top.reading,
-        )
+        ways, text = _each_way(sentence, top, lattice, world), which(world, plan.candidates)
+        return Question(sentence, 0.0, unused, span, text, plan.candidates, ways, top.reading)
     if plan.reason == "what":
         return _what(sentence, top, unused, span, world, words)
     if plan.reason == "never":
@@ -443,13 +432,8 @@ def _rank(choice: Choice) -> float:
     mixed = 0.8 * (choice.plan.reason == "nothing" and entity is not None and len(entity.colors) > 1)
     unturnable = 2.0 * (choice.plan.failure == "unturnable")  # rather "push it" without a place
     unnamed = 0.6 * (choice.plan.reason == "nothing" and choice.reading.steps[-1].verb is None)  # rather a command
-    return (
-        unturnable
-        + mixed
-        + unnamed
-        + _telling_cost(choice)
-        + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "which": 0.6}.get(choice.plan.reason, 0.0)
-    )
+    unclear = {"what": 1.2, "place": 0.8, "nowhere": 0.3, "which": 0.6}.get(choice.plan.reason, 0.0)
+    return unturnable + mixed + unnamed + _telling_cost(choice) + unclear
 
 
 def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
@@ -513,10 +497,8 @@ def _what(
         text = f"What do you mean by {word!r}, and what shall I do? Name a thing, or point at one"
         return Question(sentence, 0.0, unused, span, text)
     if things and plan.topic is not None:
-        text = (
-            f"What shall I do with {name(world, things[0])}? For example: "
-            f"{' or '.join(repr(each) for each in said_now)}"
-        )
+        examples = " or ".join(repr(each) for each in said_now)
+        text = f"What shall I do with {name(world, things[0])}? For example: {examples}"
         return Question(sentence, 0.0, unused, span, text, tuple(things), reading=None)
     text = f"I do not see what I shall do about '{' '.join(words[:8])}'"
     return Refusal(sentence, 0.0, unused, span, "syntax", text, said_now)

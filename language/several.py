@@ -159,9 +159,8 @@ class Several(Movers):
         """Return the things of a list, one for each of its phrases, or the plan that says why one is not found."""
         found = []
         for part in entity.parts:
-            drafts = list(
-                self._movers(plan if part.kind == "it" else replace(plan, it=()), replace(clause, entity=part))
-            )
+            start = plan if part.kind == "it" else replace(plan, it=())
+            drafts = list(self._movers(start, replace(clause, entity=part)))
             good = [each for each in drafts if not each.failure and each.mover is not None]
             if not good:
                 return drafts[0]
@@ -211,12 +210,8 @@ class Several(Movers):
         rest = rest if number is None else rest[: max(number - sum(map(len, ends.values())), 0)]
         middle = max((len(rest) + sum(map(len, ends.values())) - 1) // 2 - len(ends["first"]), 0)
         rest[middle:middle] = ends["middle"]
-        last = (
-            ends["last"]
-            if orders and any(each.anchors and each.anchors[0].parts for each in orders)
-            else ends["last"][::-1]
-        )
-        return [*ends["first"], *rest, *last]
+        parted = any(each.anchors and each.anchors[0].parts for each in orders)
+        return [*ends["first"], *rest, *(ends["last"] if parted else ends["last"][::-1])]
 
     def _counts_carried(self, entity: Entity) -> bool:
         """Whether "all three" are as many as were put somewhere one after the other."""
@@ -250,16 +245,14 @@ class Several(Movers):
         if entity is None:
             named = list(plan.it)
         else:
-            some = self._several(
-                plan, clause, replace(entity, every=True) if entity.kind == "thing" and entity.plural else entity
-            )
+            every = entity.kind == "thing" and entity.plural
+            some = self._several(plan, clause, replace(entity, every=True) if every else entity)
             if isinstance(some, Draft):
                 return some
             named = some
         if len(named) != 2:
-            return replace(
-                plan, failure=("two things change places, no more and no less"), reason="impossible", entity=entity
-            )
+            failure = "two things change places, no more and no less"
+            return replace(plan, failure=failure, reason="impossible", entity=entity)
         one, other = named
         first, second = (self._location(plan.world, each) for each in named)
         plan = self._ready(plan)
@@ -333,9 +326,8 @@ class Several(Movers):
                 plan, failure=f"a {'stack' if stacks else 'row'} needs two things", reason="impossible", entity=entity
             )
         pair = not (stacks or orders or clause.places) and len(ordered) == 2
-        beside = (
-            [self._placed_once(plan, i, (place_at(j, "near"),)) for i, j in (ordered, ordered[::-1])] if pair else []
-        )
+        ways = (ordered, ordered[::-1]) if pair else ()
+        beside = [self._placed_once(plan, i, (place_at(j, "near"),)) for i, j in ways]
         done = next((draft for draft in beside if not draft.failure), None)
         done = done or (self._stacked if stacks else self._lined)(plan, ordered, clause.places)
         arbitrary = plan.arbitrary or bool(entity.number)
@@ -519,9 +511,7 @@ def row_spots(
     (x0, x1, y0, y1), (dx, dy) = world.bounds, toward
     width = max(world.things[i].width for i in things)
     step, grid = (world.pitch, 1.0) if world.cells else (SHARES[False][0] * width + GRID, GRID)
-    standing = [
-        i for i in range(len(world.things)) if i != world.held and i not in world.inside and world.below[i] is None
-    ]
+    standing = [i for i in range(len(world.things)) if world.is_on_ground(i)]
     standing = [i for i in standing if world.is_loose(i) or world.covers(*world.things[i][2:4])]
     length = step * (len(things) - 1)
     xs, ys = (np.arange(a, b + 1e-6, grid) for a, b in ((x0, x1), (y0, y1)))

@@ -87,7 +87,7 @@ class Steps:
         self,
         world: WorldModel,
         it: tuple[int, ...],
-        origin: int | None,
+        origin: int | None = None,
         mentioned: tuple[int, ...] = (),
         box: int | None = None,
     ) -> Resolver:
@@ -113,7 +113,7 @@ class Steps:
         return act is Act.EMPTY and not world.contents(index)
 
     def _is_box(self, plan: Draft, entity: Entity) -> bool:
-        refs = self.resolver(plan.world, plan.it, None).resolve(entity) if entity.kind in ("thing", "person") else []
+        refs = self.resolver(plan.world, plan.it).resolve(entity) if entity.kind in ("thing", "person") else []
         return bool(refs) and all(ref.kind == "person" or ref.things[-1] in plan.world.containers for ref in refs)
 
     def _allowed(self, plan: Draft, forbidden: list[Clause]) -> Draft:
@@ -121,7 +121,7 @@ class Steps:
         for clause in forbidden:
             entity = clause.entity
             spoken = entity is None or entity.kind == "it"
-            refs = [] if spoken or entity is None else self.resolver(self.world, self.it, None).resolve(entity)
+            refs = [] if spoken or entity is None else self.resolver(self.world, self.it).resolve(entity)
             things = {i for ref in refs for i in ref.things}
             for step in plan.steps:
                 same = step.act is clause.act or (clause.act is Act.LOWER and step.carries)
@@ -400,7 +400,7 @@ class Steps:
 
     def _beneath(self, plan: Draft, under: RelationPhrase, index: int) -> Iterator[Draft]:
         """Yield the plans that put one thing under another one: the other goes on top of it."""
-        for ref in self.resolver(plan.world, plan.it, None).resolve(under.anchors[0]):
+        for ref in self.resolver(plan.world, plan.it).resolve(under.anchors[0]):
             other = ref.things[-1] if ref.things else None
             if other is None or not plan.world.is_loose(other) or other == index:
                 continue
