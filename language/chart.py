@@ -66,10 +66,9 @@ class NounPhrases:
         lattice = self._lattice
         if draft.at >= len(lattice):
             return []
-        cost = self._lattice.skip_cost(draft.at)
-        if lattice.tokens[draft.at].text in (",", ":", ";", "to") or (
-            cost and (draft.skipped or draft.at not in lattice.unknown)
-        ):
+        cost = lattice.skip_cost(draft.at)
+        second = cost and (draft.skipped or draft.at not in lattice.unknown)
+        if second or lattice.text(draft.at) in (",", ":", ";", "to"):
             return []
         return [_Draft(draft.at + 1, draft.known, draft.cost + cost, draft.skipped | (1 << draft.at if cost else 0))]
 
@@ -93,18 +92,11 @@ class NounPhrases:
                 found.append(_Draft(edge.end, {**draft.known, "sides": (*sides, edge.value)}, cost, draft.skipped))
         colors = draft.known.get("colors", ())
         at = draft.at
-        if colors and any(
-            self._lattice.tokens[at].text == mark for mark in ("and", ",", "&", "+") if at < len(self._lattice)
-        ):
-            at += 1
-            if at < len(self._lattice) and self._lattice.tokens[at].text == "and":
-                at += 1
+        if colors and self._lattice.text(at) in ("and", ",", "&", "+"):
+            at += 1 + (self._lattice.text(at + 1) == "and")
         for edge in self._get(at, "color"):
-            found.append(
-                _Draft(
-                    edge.end, {**draft.known, "colors": (*colors, edge.value)}, draft.cost + edge.cost, draft.skipped
-                )
-            )
+            more = {**draft.known, "colors": (*colors, edge.value)}
+            found.append(_Draft(edge.end, more, draft.cost + edge.cost, draft.skipped))
         return found
 
     def _ended(self, draft: _Draft, start: int) -> list[Item]:
@@ -189,8 +181,7 @@ class NounPhrases:
                 found.append(_several(thing, edge.end, 2 * costs.LISTED, start))
         else:
             found.append(_item(thing, edge.end, 0.0, start, kind="thing"))
-            tokens = self._lattice.tokens
-            at = edge.end + (edge.end < len(tokens) and tokens[edge.end].text in ("number", "no", "nr"))
+            at = edge.end + (self._lattice.text(edge.end) in ("number", "no", "nr"))
             further = [e for e in self._get(edge.end, "noun") if e.value == "thing" and noun is not None]
             found += [_item(thing, e.end, 0.3, start, kind="thing") for e in further]  # "the button thing"
             numbers = [e for e in self._get(at, "number") if 0 < e.value < 20]
@@ -199,12 +190,10 @@ class NounPhrases:
 
     def _stack(self, draft: _Draft, start: int) -> list[Item]:
         found = [_item(draft, draft.at, 0.0, start, kind="stack")]
-        after = draft.at
-        lattice = self._lattice
-        for again in self._get(after, "stack"):  # "combination tower"
+        for again in self._get(draft.at, "stack"):  # "combination tower"
             found.append(_item(draft, again.end, 0.0, start, kind="stack"))
-        if after < len(lattice) and lattice.tokens[after].text in ("of", "with", "made"):
-            for inner in self.at(after + 1):
+        if self._lattice.text(draft.at) in ("of", "with", "made"):
+            for inner in self.at(draft.at + 1):
                 if inner.value.kind in ("thing", "stack") and not inner.skipped:
                     colors = draft.known.get("colors", ()) + inner.value.colors
                     known = {**draft.known, "colors": colors, "noun": inner.value.noun}
@@ -217,14 +206,7 @@ def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any
     key = {"both": "number", "last": "ordinal", "vacant": "exposed"}.get(category, category)
     if key in known:
         return None
-    values: dict[str, Any] = {
-        "both": 2,
-        "last": -1,
-        "ordinal": value,
-        "superlative": value,
-        "size": value,
-        "role": value,
-    }
+    values: dict[str, Any] = {"both": 2, "last": -1, **dict.fromkeys(("ordinal", "superlative", "size", "role"), value)}
     if category == "number":
         return {**known, "number": int(value)} if value == int(value) and 0 < value < 100 else None
     return {**known, key: values.get(category, True), **({"every": True} if category == "both" else {})}
@@ -317,10 +299,9 @@ class Chart:
 
     def _further(self, item: Item) -> list[Item]:
         """Return the relations after "and": "left of the ball and behind the cube"."""
-        end = item.end
-        if not item.value.relations or end >= len(self.lattice) or self.lattice.tokens[end].text not in ("and", "but"):
+        if not item.value.relations or self.lattice.text(item.end) not in ("and", "but"):
             return []
-        return [found._replace(cost=found.cost + 0.2) for found in self.relations(end + 1)]
+        return [found._replace(cost=found.cost + 0.2) for found in self.relations(item.end + 1)]
 
     def _bare_regions(self, item: Item) -> list[Item]:
         """Return regions that follow a thing without a preposition: "the red cube left edge"."""
@@ -399,9 +380,8 @@ class Chart:
                     found.append(item)
                     continue
                 inner = Entity(relations=(item.value,), span=item.value.span)
-                found.append(
-                    Item(item.end, RelationPhrase("not", (inner,), span=(start, item.end)), item.cost, item.skipped)
-                )
+                relation = RelationPhrase("not", (inner,), span=(start, item.end))
+                found.append(Item(item.end, relation, item.cost, item.skipped))
             for item in self._excluded(edge.end):
                 relation = RelationPhrase("not", (item.value,), span=(start, item.end))
                 found.append(Item(item.end, relation, item.cost, item.skipped))
@@ -449,9 +429,7 @@ class Chart:
                 if relation.name == "from" and self.lattice.text(measure.end) == "away":
                     continue  # "3 cm away from it" is farther
                 if relation.measure is None and relation.name not in ("held", "bare", "here", "of", *BARE_PLACES):
-                    measured = RelationPhrase(
-                        relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
-                    )
+                    measured = replace(relation, measure=measure.value, span=(start, item.end))
                     found.append(Item(item.end, measured, measure.cost + item.cost, measure.skipped | item.skipped))
         return [each for item in found for each in (item, *self._between_middles(item))]
 
@@ -496,7 +474,7 @@ class Chart:
     def measure(self, start: int) -> list[Item]:
         """Return the lengths that begin at a token."""
         found = [Item(edge.end, Measure(1.0, "bit"), edge.cost) for edge in self.lattice.get(start, "bit")]
-        if start < len(self.lattice) and self.lattice.tokens[start].text == "by":
+        if self.lattice.text(start) == "by":
             found += self.measure(start + 1)
         numbers = self.lattice.get(start, "number") + [e._replace(value=1.0) for e in self.lattice.get(start, "any")]
         for number in numbers:

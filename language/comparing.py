@@ -198,10 +198,8 @@ class Comparisons(SelfAnswers):
         """Say how far something is from something else, or from the robot."""
         one, _, other = re.sub(r" (?:away|apart|now)\b", "", match[1]).partition(" from ")
         one, other = one.partition(" and ")[::2] if " and " in one else (one, other)
-        things, rest = (
-            self.subject(one),
-            self.subject(other) if not re.search(r"\b(?:you|robot|gripper)\b", other) else [],
-        )
+        things = self.subject(one)
+        rest = [] if re.search(r"\b(?:you|robot|gripper)\b", other) else self.subject(other)
         if not things or rest is None:
             return None
         x, y = (self.world.things[rest[0]].x, self.world.things[rest[0]].y) if rest else (0.0, 0.0)

@@ -105,9 +105,8 @@ class Movers(Steps):
         fit = [ref for ref in refs if ref.things and allows(world, act, ref.things[-1])]
         selects = entity.superlative or entity.sides or entity.ordinal or entity.relations
         usable = [ref for ref in fit if (self._is_meant if selects else self._is_usable)(world, act, ref)]
-        if (
-            len(usable) > 1 and not entity.any and plan.steps and plan.box is not None
-        ):  # "open the fridge, give me the cube"
+        named = plan.box is not None and bool(plan.steps)  # "open the fridge, give me the cube"
+        if named and len(usable) > 1 and not entity.any:
             inside = [ref for ref in usable if world.inside.get(ref.things[-1]) == plan.box]
             usable = inside if len(inside) == 1 else usable
         if len(usable) > 1 and act is Act.REMOVE:  # "take the other one out"

@@ -137,9 +137,7 @@ def _undoubled(found: list[Token]) -> list[Token]:
         at = 0
         while at + 2 * size <= len(found):
             one, two = ([token.text for token in found[i : i + size]] for i in (at, at + size))
-            if (
-                size > 1 and two and two[0] in ("please", "yeah", "okay") and one[0] != two[0]
-            ):  # "move it please move it"
+            if size > 1 and two[0] in ("please", "yeah", "okay") and one[0] != two[0]:  # "move it please move it"
                 two = [token.text for token in found[at + size + 1 : at + 2 * size + 1]]
             if (
                 one == two

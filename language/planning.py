@@ -267,36 +267,26 @@ class Planner(Several):
 
     def _same_again(self, plan: Draft, clause: Clause, before: Clause) -> Iterator[Draft]:
         """Yield the plan in which a fragment says more about the object of the clause before, or repeats its verb."""
-        start, new = self._sequence_start(plan), clause.entity
+        start, new, old = self._sequence_start(plan), clause.entity, before.entity
         assert new is not None
-        meant = (
-            [ref.things[-1] for ref in self._refs(plan, before, before.entity) if ref.things] if before.entity else []
-        )
-        named = [ref.things[-1] for ref in self._refs(plan, before, new) if ref.things]
-        if (
-            len(plan.steps) == 1 and len(meant) > 1 and set(named) & set(meant) and before.entity is not None
-        ):  # "the ball, the green one"
-            closer = replace(new, noun=new.noun or before.entity.noun)
-            yield from (replace(d, cost=d.cost + 0.2) for d in self._after(start, replace(before, entity=closer), True))
-        elif (
-            before.entity is None
-            or before.entity.kind == "it"
-            or before.entity.other
-            or (
-                before.entity.noun is None
-                and (self.world.cells or not (before.entity.colors or before.entity.relations))
-            )
-        ):
-            yield from (
-                replace(d, cost=d.cost + 0.5) for d in self._after(start, replace(before, entity=clause.entity), True)
-            )
+        meant = [ref.things[-1] for ref in self._refs(plan, before, old) if ref.things] if old is not None else []
+        both = {*meant} & {ref.things[-1] for ref in self._refs(plan, before, new) if ref.things}
+        if old is not None and len(plan.steps) == 1 and len(meant) > 1 and both:  # "the ball, the green one"
+            new, cost = replace(new, noun=new.noun or old.noun), 0.2
+        elif old is None or old.kind == "it" or old.other or (old.noun is None and not self._tells_more(old)):
+            cost = 0.5
         else:
             bare = not (new.noun or new.colors or new.other or new.parts or self.world.cells)  # "..., the right one"
-            again, cost = replace(before, entity=clause.entity), 0.6 + costs.ANOTHER_BARE * bare
-            yield from (replace(d, cost=d.cost + cost) for d in self._after(plan, again, True))
+            start, cost = plan, 0.6 + costs.ANOTHER_BARE * bare
+        again = self._after(start, replace(before, entity=new), True)
+        yield from (replace(draft, cost=draft.cost + cost) for draft in again)
+
+    def _tells_more(self, entity: Entity) -> bool:
+        """Whether a phrase without a noun tells a thing of a table by its colour or where it is."""
+        return not self.world.cells and bool(entity.colors or entity.relations)
 
     def _sequence_start(self, plan: Draft) -> Draft:
-        """Return the plan before its last clause, if it has only one; otherwise a plan without steps."""
+        """Return a plan without steps, in which what was spoken of is known."""
         return Draft(self.world, it=self.it, mentioned=self.mentioned, box=plan.box, arbitrary=plan.arbitrary)
 
     def _undoable(self, plan: Draft, clause: Clause) -> Iterator[Draft]:

@@ -131,9 +131,8 @@ class Recollections(Memory):
         meant = self.names[called]
         at = re.search(rf"\b{called}\b", sentence, re.IGNORECASE)
         what = name(self.now, meant.things[0]) if meant.things else "a place on the table"
-        return Answer(
-            sentence, 1.0, (), (0, len(sentence)), text=f"{at[0] if at else called} is {what}", about=meant.things
-        )
+        text = f"{at[0] if at else called} is {what}"
+        return Answer(sentence, 1.0, (), (0, len(sentence)), text, about=meant.things)
 
     # ---- What is told, each with the words that tell it: a name, or a place
 

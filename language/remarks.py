@@ -201,11 +201,8 @@ def _follows(part: _Part, kept: list[Token]) -> bool:
 
 def asks_nothing(text: str) -> bool:
     """Whether a part is a reason, or says what is so."""
-    if (
-        (_IDLE.match(text) and not re.search(rf"\b{_THING}\b", text.replace("nothing", "")))
-        or _CHECK.match(text)
-        or _REASON.match(text)
-    ):
+    idle = _IDLE.match(text) and not re.search(rf"\b{_THING}\b", text.replace("nothing", ""))
+    if idle or _CHECK.match(text) or _REASON.match(text):
         return True
     kept = rf"\b(?:if|unless|which|any|order|should|must|only|not touch|wrong)\b|^there (?:is|are)\b.*\b{_THING}\b"
     if not _REMARK.match(text) or re.search(kept, text):

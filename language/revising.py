@@ -206,12 +206,9 @@ def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
         return None
     if places[0].name == "direction" and places[0].value:
         return Entity(sides=(places[0].value,))
-    if (
-        places[0].name in ("on", "in", "to", "at", "near")
-        and places[0].anchors
-        and places[0].anchors[0].kind == "thing"
-    ):
-        return places[0].anchors[0]
+    anchor = next(iter(places[0].anchors), None)
+    if anchor is not None and anchor.kind == "thing" and places[0].name in ("on", "in", "to", "at", "near"):
+        return anchor
     return Entity(relations=places)
 
 
@@ -331,12 +328,7 @@ def aside(world: WorldModel, text: str) -> str:
 
 def unfit(world: WorldModel, clause: Clause) -> str:
     """Return why a clause cannot be carried out where one verb alone is possible, or ""."""
-    same = clause.verb is not None and clause.act in (
-        KNOWN[world.only].act if world.only else None,
-        Act.NEVER,
-        Act.TIDY,
-    )
-    if world.only is None or same:
+    if world.only is None or clause.act in (KNOWN[world.only].act, Act.NEVER, Act.TIDY):
         return ""
     if clause.verb is None or (all(each.name in ("direction", "home") for each in clause.places) and clause.places):
         return no_direction(world)

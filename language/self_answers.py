@@ -64,10 +64,8 @@ class SelfAnswers(ABC):
     def held(self, match: re.Match[str]) -> str | None:
         """Say what the gripper or the person's hand holds."""
         world = self.world
-        if (
-            re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding|got)\b|am i\b|have i\b", match.string)
-            and world.hand is not None
-        ):
+        mine = re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding|got)\b|am i\b|have i\b", match.string)
+        if mine and world.hand is not None:
             self.things = inside = world.contents(world.hand)
             told = f"{self.names(inside).split(' in ')[0] if inside else 'nothing'} is in your hand"
             asked_what = re.match(r"(?:what|which|who)\b", match[0])
@@ -148,8 +146,8 @@ class SelfAnswers(ABC):
             steps = [step for _, plan in plans for step in plan.steps if step.object in things]
             done = any(is_done(step, acts) for step in steps) if acts else bool(steps)
             return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"
+        told = "; then ".join(said(turn.world, plan.steps) for turn, plan in plans)
         if text.startswith("how many"):
-            told = "; then ".join(said(turn.world, plan.steps) for turn, plan in plans)
             number = "one thing" if len(plans) == 1 else f"{len(plans)} things"
             return f"I did {number}: {told}" if plans else "I have done nothing yet"
         into = re.search(r"\b(?:inside|in|into)\b(?: (.*))?$", text)
@@ -166,13 +164,9 @@ class SelfAnswers(ABC):
             return f"nothing: I have put nothing {where}" if plans else "I have done nothing yet"
         several = re.search(r"\b(?:so far|all|everything|until now|up to now|altogether)\b", text)
         if several and plans:
-            return f"I did this: {'; then '.join(said(turn.world, plan.steps) for turn, plan in plans)}"
-        if (
-            plans
-            and len(plans[-1][1].steps) > 1
-            and re.search(r"\blast$", text)
-            and re.match(r"(?:which|what) (?:one|\w+) ", text)
-        ):
+            return f"I did this: {told}"
+        last = re.match(r"(?:which|what) \w+ (?:.*\b)?last$", text)
+        if last and plans and len(plans[-1][1].steps) > 1:
             self.things = [plans[-1][1].steps[-1].object]
             return self.names(self.things)
         if len(plans) > 1 and (earlier := re.search(r"\b(?:first|before)\b", text)):

@@ -180,7 +180,7 @@ class _Sentences:
         """Return where a further clause may begin, with its cost."""
         found = {}
         at = end
-        while at < len(self.lattice) and self.lattice.tokens[at].text in (",", "-", "please", ":", "!", "?"):
+        while self.lattice.text(at) in (",", "-", "please", ":", "!", "?"):
             at += 1
         for edge in self.lattice.get(at, "join"):
             further = [again.end for again in self.lattice.get(edge.end, "join")]
@@ -561,14 +561,10 @@ class _Sentences:
     def _joined(self, item: Item) -> list[Item]:
         found = []
         at, cost = item.end, costs.PLACE_TWICE
-        if at < len(self.lattice) and self.lattice.tokens[at].text in ("and", ","):
+        if self.lattice.text(at) in ("and", ","):
             at, cost = at + 1, 0.3
         for more in sorted(self.chart.relations(at), key=lambda more: more.cost)[:MOST_JOINED]:
-            kinds = {place.name + str(place.value) * (place.name == "direction") for place in item.value}
-            if (
-                says_where(more.value)
-                and more.value.name + str(more.value.value) * (more.value.name == "direction") not in kinds
-            ):
+            if says_where(more.value) and _way(more.value) not in map(_way, item.value):
                 total = item.cost + cost + more.cost
                 found.append(Item(more.end, (*item.value, more.value), total, item.skipped | more.skipped))
         return found
@@ -593,6 +589,11 @@ def is_several(entity: Entity) -> bool:
 def _placed_in_part(entity: Entity) -> bool:
     """Return whether another than the last thing of a list has a place, as if each had one: "X on Y, Z on W"."""
     return entity.kind == "list" and any(part.relations for part in entity.parts[:-1])
+
+
+def _way(place: RelationPhrase) -> str:
+    """Return the kind of a place, of which a clause has one: a relation or a direction."""
+    return f"direction {place.value}" if place.name == "direction" else place.name
 
 
 def _as_place(item: Item) -> Item:

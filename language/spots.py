@@ -87,12 +87,10 @@ def settle(world: WorldModel, mover: int, point: Point) -> Spot:
             why = "that is what shall be moved"
         return Spot(x, y, world.ground, None, cost, why)
     under = world.things[top]
+    name = f"the {under.color} {under.kind}"
     if point.on is not None and point.on != top:
         covered = world.things[point.on]
-        return Spot(
-            x, y, under.top, top, cost, f"the {covered.color} {covered.kind} is under the {under.color} {under.kind}"
-        )
-    name = f"the {under.color} {under.kind}"
+        return Spot(x, y, under.top, top, cost, f"the {covered.color} {covered.kind} is under {name}")
     if point.on is None:
         cost += costs.OCCUPIED if point.free else 0.0
     if under.kind not in FLAT:
@@ -219,9 +217,8 @@ def length_of(world: WorldModel, measure: Measure | None, default: float) -> flo
 def end_of_reach(world: WorldModel, thing: Thing, dx: float, dy: float) -> str:
     """Return how far a thing can move in a direction, as the reason why it moves no further."""
     (x0, x1, y0, y1) = world.bounds
-    rooms = [x1 - thing.x if dx > 0 else thing.x - x0] * bool(dx) + [y1 - thing.y if dy > 0 else thing.y - y0] * bool(
-        dy
-    )
+    rooms = [x1 - thing.x if dx > 0 else thing.x - x0] * bool(dx)
+    rooms += [y1 - thing.y if dy > 0 else thing.y - y0] * bool(dy)
     return f"my reach ends after {100 * max(min(rooms), 0.0):.0f} cm that way"
 
 

@@ -175,10 +175,8 @@ class Steps:
                 return Act.OPEN
             if lid and (act is Act.LOWER or (act is Act.CARRY and down)):
                 return Act.SHUT
-            if (
-                any(each.name == "into" or each.value in ("backward", "forward") for each in clause.places)
-                and verb.pulls
-            ):
+            pushed = any(each.name == "into" or each.value in ("backward", "forward") for each in clause.places)
+            if pushed and verb.pulls:
                 return Act.SHUT if verb.pulls is Act.SHUT else Act.OPEN
             return verb.pulls if verb.pulls is not None and not placed else None
         return None
