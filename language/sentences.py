@@ -335,15 +335,13 @@ class _Sentences:
         """Return the clause of such a verb with its object and place, for tasks that can do it."""
         if not KNOWN[verb].effect:
             return []
-        return [
-            more for entity in self.chart.entities(at) for more in self._placed_at(verb, entity, start, entity.end, 0.0)
-        ]
+        things = self.chart.entities(at)
+        return [more for each in things for more in self._placed_at(verb, each, start, each.end, 0.0)]
 
     def _building(self, verb: str, at: int, start: int) -> list[Item]:
         """Return the clauses that ask for a tower: "build a tower of three cubes", "stack the red and blue cube"."""
-        found = [
-            Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.2, i.skipped) for i in self._tower(at)
-        ]
+        tower = self._tower(at)
+        found = [Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.2, i.skipped) for i in tower]
         if self.lattice.text(start) in ("give", "i", "we", "have"):  # "give me the red cube and the blue one"
             return found
         return found + [
@@ -474,11 +472,8 @@ class _Sentences:
             clause = Clause(None, None, place.value, span=(at, place.end))
             found.append(Item(place.end, clause, place.cost + costs.NO_VERB, place.skipped))
             found += self._place_first(place, at) if self.lattice.table else []
-        if self.lattice.table:
-            found += [
-                Item(i.end, Clause(BUILDING, i.value, span=(at, i.end)), i.cost + 1.0, i.skipped)
-                for i in self._tower(at)
-            ]
+        tower = self._tower(at) if self.lattice.table else []
+        found += [Item(i.end, Clause(BUILDING, i.value, span=(at, i.end)), i.cost + 1.0, i.skipped) for i in tower]
         return found
 
     def _obliged(self, start: int, end: int) -> bool:
@@ -496,9 +491,8 @@ class _Sentences:
             for entity in self.objects(start):
                 total = place.cost + entity.cost + cost + costs.INVERTED
                 skipped = place.skipped | entity.skipped
-                found.append(
-                    Item(entity.end, Clause(verb, entity.value, place.value, span=(at, entity.end)), total, skipped)
-                )
+                clause = Clause(verb, entity.value, place.value, span=(at, entity.end))
+                found.append(Item(entity.end, clause, total, skipped))
                 for gap in self.lattice.gaps(entity.end) if verb is CARRYING else ():
                     for edge in self.lattice.get(gap.end, "done"):
                         if KNOWN[edge.value].act is Act.CARRY and not gap.cost:

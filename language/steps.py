@@ -207,18 +207,12 @@ class Steps:
         """Return the plan with the gripper empty or holding the thing, and with the thing's container open."""
         held = plan.world.held
         if held is not None and held != index and not plan.world.cells:
-            plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
+            plan = self._aside(plan, held, f"I put {a_name(plan.world, held)} down first")
         if index is not None and index in plan.world.inside and not plan.failure:
             box = plan.world.inside[index]
             if box in plan.world.containers and box not in plan.world.open:
                 plan = self._opened_first(plan, box)
         return plan
-
-    def _laid_down(self, plan: Draft, note: str) -> Draft:
-        """Return the plan with what is held on the table."""
-        held = plan.world.held
-        assert held is not None
-        return self._aside(plan, held, note)
 
     def _aside(self, plan: Draft, index: int, note: str) -> Draft:
         """Return the plan with a thing at a free spot of the table."""
@@ -505,13 +499,8 @@ class Steps:
         step = Step(verb, index, spot.anchor if on is None and marked else on, (spot.x, spot.y), spot.bottom)
         notes = tuple(dict.fromkeys((*plan.notes, spot.note))) if spot.note else plan.notes
         box = on if on in plan.world.containers else plan.box
-        return replace(
-            self._added(plan, step),
-            cost=plan.cost + cost,
-            notes=notes,
-            box=box,
-            anchor=spot.anchor if on is None else on,
-        )
+        anchor = spot.anchor if on is None else on
+        return replace(self._added(plan, step), cost=plan.cost + cost, notes=notes, box=box, anchor=anchor)
 
     def _verb(self, world: WorldModel, clause: Clause, goal: int | None) -> str:
         """Return the verb of a step that brings something somewhere."""
