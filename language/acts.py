@@ -14,37 +14,20 @@ from language.embedded import TELLING, direct
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start
 from language.remarks import command, is_chat
-from language.scanning import COLOR, THING, Token, scan, verb_words
-from language.signalling import plainest
-from language.words import CONTROLS, FILLERS, TABLE, colors, nouns, phrases
+from language.scanning import COLOR, MARKS, THING, Token, scan, text_of, verb_words
+from language.signalling import PLACES, STARTING, plainest
+from language.words import CONTROLS, FILLERS, TABLE, names, phrases
 
-MARKS = ".,;:!?"
 _JOINS = (",", "and", "then", ";")
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
-_HOME = re.compile(
-    r"\b(?:start|starting|initial|original|resting|rest|neutral|default|parking|base|first) "
-    r"(?:position|pose|point|place|posture|location|configuration|stance)\b"
-)
+_HOME = re.compile(rf"\b(?:{STARTING}) (?:{PLACES}|configuration|stance)\b")
 _A_BIT_BACK = re.compile(  # "too far, move it back a little"
     r"^(?:too (?:far|much) )?(?:(?:now |please )*(?:come|go|move|bring|put|push|pull|take)(?: it| that)? )?"
     r"(?:back(?: by)?(?: just)? (?:a )?(?:tiny |little |small )*(?:bit|little|tad|touch|notch|smidge)"
     r"|(?:a )?(?:tiny |little |small )*(?:bit|little) back)(?: please| again)*$"
 )
-_ADVERBS = (
-    "so",
-    "too",
-    "very",
-    "pretty",
-    "a bit too",
-    "really",
-    "actually",
-    "just",
-    "simply",
-    "honestly",
-    "quite",
-    "even",
-    "totally",
-    "literally",
+_ADVERBS = frozenset(
+    phrases("so, too, very, pretty, really, actually, just, simply, honestly, quite, even, totally, literally")
 )
 SIGNALS = ("stop", "wait", "continue", "home", "undo", "again", "faster", "slower")
 _NEGATED = re.compile(
@@ -76,12 +59,8 @@ _EMPTY = Part(0, 0, (), None)
 @cache
 def _phrases() -> dict[tuple[str, ...], str]:
     """Return the phrases of signals, replies and small talk, each with what it does."""
-    tables = {
-        **CONTROLS,
-        **TABLE["replies"],
-        "social": f"{TABLE['social']}, {TABLE['invitations']}",
-        "polite": TABLE["polite"],
-    }
+    social = f"{TABLE['social']}, {TABLE['invitations']}"
+    tables = {**CONTROLS, **TABLE["replies"], "social": social, "polite": TABLE["polite"]}
     found = ((act, _plain(t.text for t in scan(p))) for act, text in reversed(tables.items()) for p in phrases(text))
     return {words: act for act, words in found if words}
 
@@ -106,7 +85,7 @@ def _corrected(word: str) -> str:
     swapped = [each for each in near if sorted(each) == sorted(word)]
     near = swapped or [each for each in near if undoubled(each) == undoubled(word)] or near
     close = {each for each, cost in spellings(word) if cost <= SPELLING}
-    named = {*colors(), *(noun for names in nouns().values() for noun in names)} & close
+    named = names() & close
     return near[0] if len(near) == 1 and not named else word
 
 
@@ -149,7 +128,7 @@ def _act_of(words: Sequence[str]) -> str | None:
 
 def says(sentence: str, table: str) -> bool:
     """Whether a sentence has a phrase of a table of `words.yaml`, such as "greetings"."""
-    text = " ".join(token.text for token in scan(sentence))
+    text = text_of(scan(sentence))
     return any(re.search(rf"\b{re.escape(phrase)}\b", text) for phrase in phrases(TABLE[table]))
 
 
@@ -553,16 +532,7 @@ _PROPOSED = re.compile(
 
 def proposal(asked: str) -> str | None:
     """Return the command of which a sentence asks whether it is possible, or what would come of it."""
-    match = _PROPOSED.match(question(" ".join(token.text for token in scan(asked))) or asked)
-    return (
-        None
-        if match is None
-        else match["command"]
-        or match["told"]
-        or match["not"]
-        or match["able"]
-        or match["mine"]
-        or match["ought"]
-        or match["asked"]
-        or f"put {match['what']} {match['where']}"
-    )
+    match = _PROPOSED.match(question(text_of(scan(asked))) or asked)
+    if match is None:
+        return None
+    return f"put {match['what']} {match['where']}" if match["what"] else match[match.lastgroup or 0]

@@ -11,7 +11,8 @@ import re
 from functools import cache
 from typing import NamedTuple
 
-from language.scanning import COLOR, Token, verb_words
+from language.scanning import COLOR, Token, text_of, verb_words
+from language.words import NUMBERS
 
 _MAKE = (
     r"(?:(?:i |we )?(?:(?:re)?(?:build|make|create|form|construct|assemble|erect)|do|set up|put up|give|need"
@@ -113,7 +114,7 @@ def _heads() -> tuple[re.Pattern[str], ...]:
 
 def arranged(found: list[Token]) -> list[Token]:
     """Return the words of a sentence, with an arrangement said in one way; the words of others as they are."""
-    text = " ".join(token.text for token in found)
+    text = text_of(found)
     for pattern in _heads():
         match = pattern.search(text)
         plain = _plain(match, text[match.end() :]) if match else None
@@ -170,9 +171,8 @@ def _is_tower(parts: list[_Part], way: re.Match[str] | None) -> bool:
 
 def _count(every: str) -> int:
     """Return how many things a set has; 0 if it is not said."""
-    numbers = ("two", "three", "four", "five", "six")
     found = re.search(rf"\b(?:{_NUMBER})\b", every)
-    return 0 if found is None else numbers.index(found[0]) + 2 if found[0] in numbers else int(found[0])
+    return int(NUMBERS.get(found[0]) or found[0]) if found else 0
 
 
 def _parts(tail: str, chained: bool) -> list[_Part] | None:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 
+from language.scanning import MARKS
 from language.words import TABLE, phrases
 
 PHRASE, CLAUSE, WORD = 0.1, 0.5, 0.06  # costs: of a phrase; of a clause, and of each of its words
 MOST_WORDS = 10
-_MARKS = frozenset(".,;:!?")
 _CONTENT = frozenset(
     phrases("noun, color, stack, both, every, superlative, side, direction, role, ordinal, held, done, units, cell")
 )
@@ -45,7 +45,7 @@ def clause_ends(words: Sequence[str], start: int, content: Callable[[int], bool]
     for end in range(at + 1, min(count, at + MOST_WORDS) + 1):
         if words[end - 1] not in _WORDS["negations"]:  # what follows belongs to it
             found.append(end)
-        if end < count and (words[end] in _MARKS or words[end] in _WORDS["obliged"] or content(end)):
+        if end < count and (words[end] in MARKS or words[end] in _WORDS["obliged"] or content(end)):
             break
     return found
 
@@ -55,7 +55,7 @@ def _subject_end(words: Sequence[str], at: int, content: Callable[[int], bool]) 
     if at >= len(words):
         return None
     if words[at] in _WORDS["subjects"]:
-        relative = words[at] == "that" and at and words[at - 1] not in _MARKS | _WORDS["leads"] | _WORDS["reasons"]
+        relative = words[at] == "that" and at and words[at - 1] not in MARKS | _WORDS["leads"] | _WORDS["reasons"]
         return None if relative else at + 1  # "everything that is open"
     if words[at] in _WORDS["owners"]:
         ends = [end for end in (at + 2, at + 3) if not any(content(i) for i in range(at + 1, min(end, len(words))))]

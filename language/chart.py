@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from language import costs
+from language.cheapest import cheapest
 from language.lattice import BARE_PLACES, Item, Lattice
 from language.meanings import Entity, Measure, RelationPhrase
 from language.spots import MiddleDistance
@@ -65,10 +66,9 @@ class NounPhrases:
         lattice = self._lattice
         if draft.at >= len(lattice):
             return []
-        cost = self._lattice.skip_cost(draft.at)
-        if lattice.tokens[draft.at].text in (",", ":", ";", "to") or (
-            cost and (draft.skipped or draft.at not in lattice.unknown)
-        ):
+        cost = lattice.skip_cost(draft.at)
+        second = cost and (draft.skipped or draft.at not in lattice.unknown)
+        if second or lattice.text(draft.at) in (",", ":", ";", "to"):
             return []
         return [_Draft(draft.at + 1, draft.known, draft.cost + cost, draft.skipped | (1 << draft.at if cost else 0))]
 
@@ -92,18 +92,11 @@ class NounPhrases:
                 found.append(_Draft(edge.end, {**draft.known, "sides": (*sides, edge.value)}, cost, draft.skipped))
         colors = draft.known.get("colors", ())
         at = draft.at
-        if colors and any(
-            self._lattice.tokens[at].text == mark for mark in ("and", ",", "&", "+") if at < len(self._lattice)
-        ):
-            at += 1
-            if at < len(self._lattice) and self._lattice.tokens[at].text == "and":
-                at += 1
+        if colors and self._lattice.text(at) in ("and", ",", "&", "+"):
+            at += 1 + (self._lattice.text(at + 1) == "and")
         for edge in self._get(at, "color"):
-            found.append(
-                _Draft(
-                    edge.end, {**draft.known, "colors": (*colors, edge.value)}, draft.cost + edge.cost, draft.skipped
-                )
-            )
+            more = {**draft.known, "colors": (*colors, edge.value)}
+            found.append(_Draft(edge.end, more, draft.cost + edge.cost, draft.skipped))
         return found
 
     def _ended(self, draft: _Draft, start: int) -> list[Item]:
@@ -188,8 +181,7 @@ class NounPhrases:
                 found.append(_several(thing, edge.end, 2 * costs.LISTED, start))
         else:
             found.append(_item(thing, edge.end, 0.0, start, kind="thing"))
-            tokens = self._lattice.tokens
-            at = edge.end + (edge.end < len(tokens) and tokens[edge.end].text in ("number", "no", "nr"))
+            at = edge.end + (self._lattice.text(edge.end) in ("number", "no", "nr"))
             further = [e for e in self._get(edge.end, "noun") if e.value == "thing" and noun is not None]
             found += [_item(thing, e.end, 0.3, start, kind="thing") for e in further]  # "the button thing"
             numbers = [e for e in self._get(at, "number") if 0 < e.value < 20]
@@ -198,12 +190,10 @@ class NounPhrases:
 
     def _stack(self, draft: _Draft, start: int) -> list[Item]:
         found = [_item(draft, draft.at, 0.0, start, kind="stack")]
-        after = draft.at
-        lattice = self._lattice
-        for again in self._get(after, "stack"):  # "combination tower"
+        for again in self._get(draft.at, "stack"):  # "combination tower"
             found.append(_item(draft, again.end, 0.0, start, kind="stack"))
-        if after < len(lattice) and lattice.tokens[after].text in ("of", "with", "made"):
-            for inner in self.at(after + 1):
+        if self._lattice.text(draft.at) in ("of", "with", "made"):
+            for inner in self.at(draft.at + 1):
                 if inner.value.kind in ("thing", "stack") and not inner.skipped:
                     colors = draft.known.get("colors", ()) + inner.value.colors
                     known = {**draft.known, "colors": colors, "noun": inner.value.noun}
@@ -216,14 +206,7 @@ def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any
     key = {"both": "number", "last": "ordinal", "vacant": "exposed"}.get(category, category)
     if key in known:
         return None
-    values: dict[str, Any] = {
-        "both": 2,
-        "last": -1,
-        "ordinal": value,
-        "superlative": value,
-        "size": value,
-        "role": value,
-    }
+    values: dict[str, Any] = {"both": 2, "last": -1, **dict.fromkeys(("ordinal", "superlative", "size", "role"), value)}
     if category == "number":
         return {**known, "number": int(value)} if value == int(value) and 0 < value < 100 else None
     return {**known, key: values.get(category, True), **({"every": True} if category == "both" else {})}
@@ -267,9 +250,9 @@ class Chart:
             complete = [self._judged(item) for item in phrases]
             layer = complete
             for _ in range(MOST_RELATIONS):
-                layer = self._best([self._judged(item) for item in self._with_relation(layer, start)])
+                layer = cheapest([self._judged(item) for item in self._with_relation(layer)], KEPT, WORSE)
                 complete = complete + layer
-            self._entities[start] = self._best(complete)
+            self._entities[start] = cheapest(complete, KEPT, WORSE)
         return self._entities[start]
 
     def _superlative_after(self, item: Item) -> list[Item]:
@@ -291,7 +274,7 @@ class Chart:
                 found.append(Item(edge.end, entity, item.cost + edge.cost, item.skipped))
         return found
 
-    def _with_relation(self, items: list[Item], start: int) -> list[Item]:
+    def _with_relation(self, items: list[Item]) -> list[Item]:
         pairs = []
         for item in items:
             if item.value.kind == "it" or (item.value.kind == "board" and self.lattice.table):
@@ -316,10 +299,9 @@ class Chart:
 
     def _further(self, item: Item) -> list[Item]:
         """Return the relations after "and": "left of the ball and behind the cube"."""
-        end = item.end
-        if not item.value.relations or end >= len(self.lattice) or self.lattice.tokens[end].text not in ("and", "but"):
+        if not item.value.relations or self.lattice.text(item.end) not in ("and", "but"):
             return []
-        return [found._replace(cost=found.cost + 0.2) for found in self.relations(end + 1)]
+        return [found._replace(cost=found.cost + 0.2) for found in self.relations(item.end + 1)]
 
     def _bare_regions(self, item: Item) -> list[Item]:
         """Return regions that follow a thing without a preposition: "the red cube left edge"."""
@@ -346,15 +328,6 @@ class Chart:
         cost = self._judge(item.value)
         return item._replace(cost=item.cost + cost) if cost else item
 
-    def _best(self, items: list[Item]) -> list[Item]:
-        """Return the cheapest items of each span."""
-        spans: dict[int, list[Item]] = {}
-        for item in sorted(items, key=lambda item: item.cost):
-            kept = spans.setdefault(item.end, [])
-            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
-                kept.append(item)
-        return [item for kept in spans.values() for item in kept]
-
     def relations(self, start: int) -> list[Item]:
         """Return the relations with their anchors that begin at a token."""
         if start not in self._relations:
@@ -363,7 +336,7 @@ class Chart:
             for gap in self.lattice.gaps(start):
                 for item in self._without_gap(gap.end):
                     found.append(Item(item.end, item.value, item.cost + gap.cost, item.skipped | gap.skipped))
-            self._relations[start] = self._best_relations(found)
+            self._relations[start] = cheapest(found, KEPT, WORSE, lambda item: (item.end, item.value.name))
         return self._relations[start]
 
     def _without_gap(self, start: int) -> list[Item]:
@@ -373,14 +346,6 @@ class Chart:
             further = [more for each in plain for more in self._by(each)]
             self._ungapped[start] = [*plain, *self._measured(start), *further]
         return self._ungapped[start]
-
-    def _best_relations(self, items: list[Item]) -> list[Item]:
-        spans: dict[tuple, list[Item]] = {}
-        for item in sorted(items, key=lambda item: item.cost):
-            kept = spans.setdefault((item.end, item.value.name), [])
-            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
-                kept.append(item)
-        return [item for kept in spans.values() for item in kept]
 
     def _plain(self, start: int) -> list[Item]:
         found = []
@@ -415,9 +380,8 @@ class Chart:
                     found.append(item)
                     continue
                 inner = Entity(relations=(item.value,), span=item.value.span)
-                found.append(
-                    Item(item.end, RelationPhrase("not", (inner,), span=(start, item.end)), item.cost, item.skipped)
-                )
+                relation = RelationPhrase("not", (inner,), span=(start, item.end))
+                found.append(Item(item.end, relation, item.cost, item.skipped))
             for item in self._excluded(edge.end):
                 relation = RelationPhrase("not", (item.value,), span=(start, item.end))
                 found.append(Item(item.end, relation, item.cost, item.skipped))
@@ -435,7 +399,7 @@ class Chart:
                 for more in self.entities(item.end + 1 + (self.lattice.text(item.end + 1) in ("and", "or", "nor")))
                 if more.value.kind == "thing"
             ]
-            layer = self._best(layer)
+            layer = cheapest(layer, KEPT, WORSE)
             found = found + layer
         return found
 
@@ -465,9 +429,7 @@ class Chart:
                 if relation.name == "from" and self.lattice.text(measure.end) == "away":
                     continue  # "3 cm away from it" is farther
                 if relation.measure is None and relation.name not in ("held", "bare", "here", "of", *BARE_PLACES):
-                    measured = RelationPhrase(
-                        relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
-                    )
+                    measured = replace(relation, measure=measure.value, span=(start, item.end))
                     found.append(Item(item.end, measured, measure.cost + item.cost, measure.skipped | item.skipped))
         return [each for item in found for each in (item, *self._between_middles(item))]
 
@@ -512,7 +474,7 @@ class Chart:
     def measure(self, start: int) -> list[Item]:
         """Return the lengths that begin at a token."""
         found = [Item(edge.end, Measure(1.0, "bit"), edge.cost) for edge in self.lattice.get(start, "bit")]
-        if start < len(self.lattice) and self.lattice.tokens[start].text == "by":
+        if self.lattice.text(start) == "by":
             found += self.measure(start + 1)
         numbers = self.lattice.get(start, "number") + [e._replace(value=1.0) for e in self.lattice.get(start, "any")]
         for number in numbers:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+import math
+from collections.abc import Callable
+from operator import attrgetter
+from typing import Any, NamedTuple, TypeVar
 
 from language.lattice import Item
 
@@ -19,11 +22,13 @@ class Joined(NamedTuple):
 Costed = TypeVar("Costed", Item, Joined)
 
 
-def cheapest(items: list[Costed], kept: int) -> list[Costed]:
-    """Return the cheapest items of each span."""
-    spans: dict[int, list[Costed]] = {}
+def cheapest(
+    items: list[Costed], kept: int, worse: float = math.inf, span: Callable[[Costed], Any] = attrgetter("end")
+) -> list[Costed]:
+    """Return the cheapest items of each span, and none that costs so much more than the best of it."""
+    spans: dict[Any, list[Costed]] = {}
     for item in sorted(items, key=lambda item: item.cost):
-        same = spans.setdefault(item.end, [])
-        if len(same) < kept:
+        same = spans.setdefault(span(item), [])
+        if len(same) < kept and (not same or item.cost <= same[0].cost + worse):
             same.append(item)
     return [item for same in spans.values() for item in same]

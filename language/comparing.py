@@ -7,9 +7,10 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
+from language.referents import thing_ref
 from language.scanning import THING
 from language.self_answers import SelfAnswers
-from language.spots import extent
+from language.spots import extent, middle_of
 from language.talk import sides_of
 
 _LARGER = {
@@ -114,9 +115,7 @@ class Comparisons(SelfAnswers):
         things = spoken if len(spoken) > 2 else loose
         if len(things) % 2 == 0:
             return None
-        dx, dy = self.world.toward("left")
-        things.sort(key=lambda i: dx * self.world.things[i].x + dy * self.world.things[i].y)
-        self.things = [things[len(things) // 2]]
+        self.things = [middle_of(self.world, [thing_ref(self.world, i) for i in things]).things[0]]
         return self._told(self.things[0], "place")
 
     def stacked(self, match: re.Match[str]) -> str:
@@ -199,10 +198,8 @@ class Comparisons(SelfAnswers):
         """Say how far something is from something else, or from the robot."""
         one, _, other = re.sub(r" (?:away|apart|now)\b", "", match[1]).partition(" from ")
         one, other = one.partition(" and ")[::2] if " and " in one else (one, other)
-        things, rest = (
-            self.subject(one),
-            self.subject(other) if not re.search(r"\b(?:you|robot|gripper)\b", other) else [],
-        )
+        things = self.subject(one)
+        rest = [] if re.search(r"\b(?:you|robot|gripper)\b", other) else self.subject(other)
         if not things or rest is None:
             return None
         x, y = (self.world.things[rest[0]].x, self.world.things[rest[0]].y) if rest else (0.0, 0.0)

@@ -19,7 +19,7 @@ from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.questions import Questions
 from language.remarks import command as command_word
 from language.remarks import tells_of
-from language.scanning import COLOR, THING, scan, verb_words
+from language.scanning import COLOR, THING, scan, text_of, verb_words
 from language.talk import name, offers, phrase
 
 MOST = 4  # conditions of a sentence
@@ -174,16 +174,6 @@ def _joined(steps: Sequence[tuple[str, str]]) -> str:
 class Conditions(Corrections):
     """Compares the conditions of a sentence with the world."""
 
-    def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
-        raise NotImplementedError
-
-    def _answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
-        raise NotImplementedError
-
-    def copy(self) -> Conditions:
-        """Return a dialogue with the same memory, to try a sentence."""
-        raise NotImplementedError
-
     def _of_turns(self, sentence: str, text: str, made: tuple[Gesture, ...]) -> Outcome | None:
         """Return what comes of a sentence that only goes on from the turns before. text: its words."""
         found = self._restored(sentence, text) or self._raised(sentence, text) or self._nearer(sentence, text)
@@ -215,7 +205,7 @@ class Conditions(Corrections):
         asked = question(" ".join(parts[-1].words)) if len(parts) > 1 and parts[-1].mark == "?" else None
         command = sentence[: parts[-1].start].rstrip(" ,;.!-")
         if both := _AND_TELL.match(sentence):
-            command, asked = both["do"], question(" ".join(token.text for token in scan(both["asked"])))
+            command, asked = both["do"], question(text_of(scan(both["asked"])))
         if asked is None or not command_word().match(" ".join(parts[0].words)):
             return None
         trial = self.copy()
@@ -224,9 +214,8 @@ class Conditions(Corrections):
             return None
         trial.remember(outcome, self.now)
         told = Questions(trial.now, trial.planner(), trial.turns).answer(asked)
-        return (
-            replace(outcome, sentence=sentence, notes=(*outcome.notes, f"then: {told.rstrip('.')}")) if told else None
-        )
+        notes = (*outcome.notes, f"then: {told.rstrip('.')}") if told else ()
+        return replace(outcome, sentence=sentence, notes=notes) if told else None
 
     def _about_topic(self, sentence: str, parts: Sequence[Part], made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the plan of a sentence that first says what it is about: "you see the red cube? pick it up"."""

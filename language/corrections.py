@@ -15,15 +15,17 @@ import numpy as np
 from language.acts import Part, question
 from language.lattice import Lattice
 from language.meanings import Clause, Measure, Reading, RelationPhrase
+from language.ordering import TIMES
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY
+from language.referents import SIDEWAYS
 from language.replies import Replies, on_other_side
-from language.revising import TURNED, opposite, partly_back, pinned
-from language.scanning import COLOR, THING, scan
+from language.revising import TURNED, opposite, partly_back
+from language.scanning import COLOR, THING, scan, text_of
+from language.spots import pinned
 from language.talk import phrase
 from language.words import colors
 
-_SIDED = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
 _SAID = r"i (?:clearly |just |only )?(?:said|meant|mean|told you|asked (?:you )?(?:for|to))(?: to| you to)?"
 _LEAD = rf"(?:(?:no|hey|wait|hang on|hold on|oops|sorry|well|but|actually|stop|,|please|{_SAID}) )*"
 _NEW, _OLD = (
@@ -49,7 +51,6 @@ _UNDO = re.compile(
     rf"(?: last)? (?P<n>{_N}){_STEPS}|take (?:last )?(?P<n2>{_N}){_STEPS} back)"
     r"(?: (?:that |which )?(?:you|we|i) (?:just |have )*(?:did|done))?(?: please| again)*"
 )
-NUMBERS = {"both": 2, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 _CHOSEN = re.compile(  # an answer that is said as a wish: "I'd like the red one", "use the blue one for that"
     r"(?:(?:yes|okay|well|hm|please|then|so|maybe|,) )*"
     r"(?P<wish>i (?:(?:would|will|do|really|rather|just|think|guess) )*"
@@ -77,16 +78,9 @@ _BARE = ("verb", "relation", "direction", "number")  # what is said without the 
 class Corrections(Replies):
     """Does the last sentence with other words."""
 
-    def _answer(self, sentence: str, made: tuple) -> Outcome:
-        raise NotImplementedError
-
-    def copy(self) -> Corrections:
-        """Return a dialogue with the same memory, to try a sentence."""
-        raise NotImplementedError
-
     def _contrasted(self, sentence: str) -> Outcome | None:
         """Return what comes of the last sentence with some other words: "next to, not on"; None of other sentences."""
-        text = " ".join(token.text for token in scan(sentence)).rstrip(" .!?")
+        text = text_of(scan(sentence)).rstrip(" .!?")
         last = next((turn for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
         match = next(filter(None, (pattern.match(text) for pattern in _CONTRASTS)), None) if last else None
         if match is None or last is None or self.now.cells:
@@ -167,9 +161,8 @@ class Corrections(Replies):
 
     def _undone_together(self, words: Sequence[str]) -> int:
         """Return how many plans are to be undone: "undo the last two", "take both moves back"; 0 in other sentences."""
-        text = " ".join(words)
-        match = _UNDO.fullmatch(text)
-        return NUMBERS[match["n"] or match["n2"]] if match else 0
+        match = _UNDO.fullmatch(" ".join(words))
+        return TIMES.get(match["n"] or match["n2"], 2) if match else 0  # "both"
 
     def _less(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the plan that takes a part of the last move back: a bit, or half of it; None if it was no move."""
@@ -196,7 +189,7 @@ class Corrections(Replies):
             return None
         if (other := _other_side(before.steps[-1])) is not None:  # "no, the other left"
             return self._tried(sentence, [Reading((*before.steps[:-1], other))], restore=True)
-        beside = {place.name for place in before.steps[-1].places} & {*_SIDED, "near", "direction"}
+        beside = {place.name for place in before.steps[-1].places} & {*SIDEWAYS, "near", "direction"}
         if re.search(r"\bside\b", sentence.lower()) and not beside:
             return None
         if not refused and (done is None or not isinstance(done.outcome, Plan)):
@@ -209,11 +202,11 @@ class Corrections(Replies):
         """Return the reading that puts a thing on the other side of what it was put next to."""
         places = [place for place in last.steps[-1].places if place.name == "near" and place.anchors]
         moved = next((step for step in reversed(steps) if step.carries and step.place is not None), None)
-        refs = self.planner().resolver(self.now, (), None).resolve(places[0].anchors[0]) if places else []
+        refs = self.planner().resolver(self.now, ()).resolve(places[0].anchors[0]) if places else []
         if moved is None or moved.place is None or not refs:
             return None
         dx, dy = moved.place[0] - refs[0].x, moved.place[1] - refs[0].y
-        along = {name: np.dot(self.now.toward(side), (dx, dy)) for name, side in _SIDED.items()}
+        along = {name: np.dot(self.now.toward(side), (dx, dy)) for name, side in SIDEWAYS.items()}
         place = RelationPhrase(min(along, key=lambda name: along[name]), places[0].anchors)
         return Reading((Clause(CARRY, pinned(moved.object), (place,)),))
 

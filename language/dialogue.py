@@ -43,7 +43,7 @@ from language.remarks import asks_nothing, is_chat
 from language.remarks import command as command_word
 from language.replies import LITTLE
 from language.revising import aside, further, restoring
-from language.scanning import COLOR, THING, Token, scan, verb_words
+from language.scanning import COLOR, THING, Token, scan, text_of, verb_words
 from language.settling import Choices, choices, crowded, settled
 from language.spoken import fluent
 from language.statements import stated
@@ -78,10 +78,6 @@ _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near"
 @dataclass
 class Dialogue(Conditions):
     """Answers sentences, and remembers what was said and done."""
-
-    def copy(self) -> Dialogue:
-        """Return a dialogue with the same memory, to try a sentence."""
-        return replace(self, turns=[*self.turns])
 
     def answer(self, sentence: str, scene: Scene | WorldModel | None = None, pointed: Pointed = ()) -> Outcome:
         """Return the outcome of a sentence and remember it.
@@ -256,7 +252,7 @@ class Dialogue(Conditions):
         """Return the words without those that ask for the same once more, "the same with X", and whether they do."""
         while self.last is None and words and words[0].text in ("no", ","):  # there is nothing to correct
             words = words[1:]
-        text = " ".join(token.text for token in words)
+        text = text_of(words)
         match = SAME.search(text) if self.last is not None else None
         if match is None:
             return words, False

@@ -264,9 +264,8 @@ def _two_words(word: str) -> tuple[str, str] | None:
     """Return two known words that a word consists of; None: it does not, or is a known word with an error."""
     if word in STRANGERS:
         return None
-    if any(cost <= costs.SPELLING for _, cost in spellings(word)) and not word.startswith(
-        ("the", "in", "to", "on", "of")
-    ):
+    joined = word.startswith(("the", "in", "to", "on", "of"))
+    if not joined and any(cost <= costs.SPELLING for _, cost in spellings(word)):
         return None
     for at in range(2, len(word) - 1):
         one, other = word[:at], word[at:]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from language.meanings import Gesture, Reading
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
@@ -48,6 +48,16 @@ class Memory:
     body: str = "a simulated robot arm, not a real one"
     homeward: bool = False
 
+    def copy(self) -> Self:
+        """Return a dialogue with the same memory, to try a sentence."""
+        return replace(self, turns=[*self.turns])
+
+    def _answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
+        raise NotImplementedError
+
+    def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
+        raise NotImplementedError
+
     def remember(self, outcome: Outcome, world: WorldModel) -> None:
         """Add an outcome to the memory. world: before it."""
         about = outcome.about
@@ -79,12 +89,8 @@ class Memory:
         last, reading = steps[-1].object, plan.reading
         built = reading is not None and reading.steps[-1:] and reading.steps[-1].act in (Act.BUILD, Act.GATHER)
         carried = {step.object for step in steps if step.carries}
-        whole = (
-            [i for step in reversed(steps) for i in (step.object, step.goal) if i is not None]
-            if built or len(carried) > 1
-            else []
-        )
-        return tuple(dict.fromkeys((last, *whole)))
+        whole = [i for step in reversed(steps) for i in (step.object, step.goal) if i is not None]
+        return tuple(dict.fromkeys((last, *whole))) if built or len(carried) > 1 else (last,)
 
     def amend(self, outcome: Outcome, world: WorldModel) -> None:
         """Replace the last turn's outcome by what really came of it. world: before it."""
@@ -105,10 +111,9 @@ class Memory:
         """Return the things that a sentence named exactly which led to a question or could not be carried out."""
         reading = getattr(outcome, "reading", None)
         clauses = reading.steps if reading is not None else ()
-        phrases = [a for c in clauses for place in c.places for a in place.anchors] + [
-            c.entity for c in clauses if c.entity
-        ]
-        resolver = self.planner(world=world).resolver(world, self.it, None)
+        phrases = [anchor for clause in clauses for place in clause.places for anchor in place.anchors]
+        phrases += [clause.entity for clause in clauses if clause.entity]
+        resolver = self.planner(world=world).resolver(world, self.it)
         says = [each for each in phrases if each.kind == "thing" and tells(each)]
         found = [resolver.resolve(each) for each in says]
         sure = [refs[0] for refs in found if refs and all(ref.cost > refs[0].cost + 0.2 for ref in refs[1:])]

@@ -90,9 +90,7 @@ class Movers(Steps):
         refs = resolver.resolve(entity)
         if entity.superlative == "high" and not any(below is not None for below in world.below):
             refs = [ref._replace(cost=ref.cost + 2 * costs.UPPER_SIDE) for ref in refs]  # no tower has a top
-        if act is None:
-            return refs
-        if not self.help:
+        if act is None or not self.help:
             return refs
         key = (id(resolver), act)
         if key not in self._usable:
@@ -107,9 +105,8 @@ class Movers(Steps):
         fit = [ref for ref in refs if ref.things and allows(world, act, ref.things[-1])]
         selects = entity.superlative or entity.sides or entity.ordinal or entity.relations
         usable = [ref for ref in fit if (self._is_meant if selects else self._is_usable)(world, act, ref)]
-        if (
-            len(usable) > 1 and not entity.any and plan.steps and plan.box is not None
-        ):  # "open the fridge, give me the cube"
+        named = plan.box is not None and bool(plan.steps)  # "open the fridge, give me the cube"
+        if named and len(usable) > 1 and not entity.any:
             inside = [ref for ref in usable if world.inside.get(ref.things[-1]) == plan.box]
             usable = inside if len(inside) == 1 else usable
         if len(usable) > 1 and act is Act.REMOVE:  # "take the other one out"
@@ -133,22 +130,14 @@ class Movers(Steps):
             return not world.things[index].target
         if act is Act.GIVE and world.hand is not None and world.inside.get(index) == world.hand:
             return False
-        if world.cells:
-            return not obstacle(world, (index,))
-        return world.is_loose(index) and not obstacle(world, (index,))
+        return not obstacle(world, index)
 
     def _fits_held(self, plan: Draft, entity: Entity | None) -> bool:
         """Whether a phrase may mean the held thing."""
         held = plan.world.held
         if plan.world.cells and held is not None:
             return entity is None or all(color_fits(plan.world, held, color) for color in entity.colors)
-        if (
-            entity is None
-            or held is None
-            or (entity.kind == "it" and (not plan.it or plan.it[0] == held or not plan.steps))
-        ):
-            return True
-        if entity.kind == "it":
+        if entity is None or held is None or entity.kind == "it":
             return True
         if entity.kind != "thing" or entity.other or entity.every or (entity.number or 1) > 1:
             return False
@@ -156,7 +145,7 @@ class Movers(Steps):
         if entity.noun not in (None, thing.kind) or not all(color_fits(plan.world, held, c) for c in entity.colors):
             return False
         if entity.relations or entity.superlative or entity.sides or entity.ordinal or entity.role == "target":
-            return any(ref.things[-1:] == (held,) for ref in self.resolver(plan.world, plan.it, None).resolve(entity))
+            return any(ref.things[-1:] == (held,) for ref in self.resolver(plan.world, plan.it).resolve(entity))
         return True
 
     def _held_cost(self, world: WorldModel, held: int, entity: Entity | None) -> float:

@@ -22,25 +22,20 @@ from language.errors import NotUnderstood
 from language.objects import NOUNS
 from language.ordering import ordered, repeated
 from language.remarks import without_remarks
-from language.scanning import COLOR, Token, inflections, said, scan, verb_words
+from language.scanning import COLOR, MARKS, Token, inflections, said, scan, text_of, verb_words
 from language.spoken import without_restarts
 from language.verbs import KNOWN, Act
 from language.whereabouts import plain_regions
-from language.words import phrases
+from language.words import FILLERS, TABLE, names, phrases
 
 LONGEST_SENTENCE, MOST_WORDS = 600, 80  # characters as typed; words
 REWRITES = 8  # times that one rule may change one sentence
 
-
 _BULLET = re.compile(
-    (
-        r"(^|[\n;.,!?]|\s)\s*(?:\(?\d{1,2}[.):](?!\d)|[*\u2022\u25cf\u25e6\u00b7]|\(?[a-h]\)|step "
-        r"\d{1,2}\s?[:.)]?)(?=\s)"
-    ),
+    r"(^|[\n;.,!?]|\s)\s*(?:\(?\d{1,2}[.):](?!\d)|[*\u2022\u25cf\u25e6\u00b7]|\(?[a-h]\)|step "
+    r"\d{1,2}\s?[:.)]?)(?=\s)",
     re.I,
 )
-
-
 _ELLIPSIS = re.compile(r"\.{2,}|\u2026")  # a speaker hesitates: "next to... next to the red one"
 
 
@@ -48,15 +43,11 @@ def normalised(sentence: str) -> list[Token]:
     """Return the plain words of a sentence. Raises NotUnderstood if it is too long."""
     if len(sentence) > LONGEST_SENTENCE:
         raise NotUnderstood(f"the sentence has {len(sentence)} characters; use at most {LONGEST_SENTENCE}")
-    text = (
-        _BULLET.sub(lambda m: m[1] + ";".rjust(len(m[0]) - len(m[1])), sentence)
-        if _BULLET.search(sentence)
-        else sentence
-    )
+    text = _BULLET.sub(lambda m: m[1] + ";".rjust(len(m[0]) - len(m[1])), sentence)
     found = scan(_ELLIPSIS.sub(lambda m: ",".ljust(len(m[0])), text))
     if len(found) > 2 * MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
-    while found and found[0].text in ".,;:!?":
+    while found and found[0].text in MARKS:
         del found[0]
     found = _undoubled(_of_program(sentence, _spelled(_trimmed(without_restarts(found)))))
     found = _unframed(arranged(rewritten(plain_regions(found), wordings()["orders"])))
@@ -80,12 +71,9 @@ def _named() -> frozenset[str]:
 @cache
 def known_words() -> frozenset[str]:
     """Return the words of the tables and of the rules, and the forms of verbs: these are spelled as they are meant."""
-    from language.words import TABLE, colors, nouns
-
     rules = re.sub(r"\\[a-z]", " ", Path(__file__).with_name("wordings.yaml").read_text("utf-8"))  # not "\b"
-    named = (*colors(), *(noun for names in nouns().values() for noun in names))
     forms = (each[2] for name, verb in KNOWN.items() for phrase in said(verb) for each in inflections(name, phrase))
-    return frozenset(re.findall(r"[a-z]+", " ".join([json.dumps(TABLE), rules, *named, *forms, verb_words()])))
+    return frozenset(re.findall(r"[a-z]+", " ".join([json.dumps(TABLE), rules, *names(), *forms, verb_words()])))
 
 
 @cache
@@ -178,9 +166,7 @@ def _undoubled(found: list[Token]) -> list[Token]:
         at = 0
         while at + 2 * size <= len(found):
             one, two = ([token.text for token in found[i : i + size]] for i in (at, at + size))
-            if (
-                size > 1 and two and two[0] in ("please", "yeah", "okay") and one[0] != two[0]
-            ):  # "move it please move it"
+            if size > 1 and two[0] in ("please", "yeah", "okay") and one[0] != two[0]:  # "move it please move it"
                 two = [token.text for token in found[at + size + 1 : at + 2 * size + 1]]
             if (
                 one == two
@@ -209,7 +195,7 @@ def _trimmed(found: list[Token]) -> list[Token]:
     """Return the words without marks at both ends and after other marks."""
     kept: list[Token] = []
     for token in found:
-        if token.text in ",;:.!?" and (not kept or kept[-1].text in ",;:.!?"):
+        if token.text in MARKS and (not kept or kept[-1].text in MARKS):
             if kept and token.text != ",":
                 kept[-1] = token
             continue
@@ -219,7 +205,7 @@ def _trimmed(found: list[Token]) -> list[Token]:
 
 def plain_start(text: str) -> str:
     """Return plain words without the frames before a command."""
-    return " ".join(token.text for token in _trimmed(_unframed(scan(text))))
+    return text_of(_trimmed(_unframed(scan(text))))
 
 
 class Rule(NamedTuple):
@@ -232,7 +218,7 @@ class Rule(NamedTuple):
 
 def rewritten(found: list[Token], rules: tuple[Rule, ...]) -> list[Token]:
     """Return the words after some rules. New words stand for all words that the pattern matched."""
-    text, places = " ".join(token.text for token in found), {}
+    text, places = text_of(found), {}
     for pattern, replacement, anchor in rules:
         for _ in range(REWRITES):
             if anchor and anchor not in places:
@@ -245,7 +231,7 @@ def rewritten(found: list[Token], rules: tuple[Rule, ...]) -> list[Token]:
             if after == found:
                 break
             found = after
-            text, places = " ".join(token.text for token in found), {}
+            text, places = text_of(found), {}
     return found
 
 
@@ -271,7 +257,7 @@ def _replaced(found: list[Token], match: re.Match[str], replacement: str) -> lis
 
 def repaired(found: list[Token]) -> list[Token]:
     """Return the words without what a speaker took back: "the blue no wait the orange cube"."""
-    text = " ".join(token.text for token in found)
+    text = text_of(found)
     for match in _REPAIR.finditer(text):
         first = text[: match.start()].count(" ")
         before, after = found[:first], found[first + len(match[0].split()) :]
@@ -315,10 +301,8 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
         verbs = [i for i in range(start, len(words)) if re.fullmatch(verb_words(), words[i])]
         whole = start if words[start:] and words[-1] in ("it", "that", "them") else None  # "into the drawer with it"
         return verbs[-1] if verbs else whole
-    from language.words import FILLERS, colors, nouns
-
     prepositions = set(phrases("in, on, into, to, onto, behind, under, near, left, right, from, between, next, out"))
-    heads = {noun for kinds in nouns().values() for noun in kinds} | set(colors())
+    heads = names()
     if first in prepositions:
         starts = [i for i in range(start, len(words)) if words[i] in prepositions]
         return starts[-1] if starts else None

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 
-from language.scanning import COLOR, Token, inflections, said, scan
+from language.scanning import COLOR, MARKS, Token, inflections, said, scan
 from language.verbs import KNOWN
 
 _JOINS = (  # what begins a clause of time, as words, and whether its deed comes first
@@ -22,8 +22,7 @@ _JOINS = (  # what begins a clause of time, as words, and whether its deed comes
     (("having",), True),
     (("before",), False),
 )
-_MARKS = frozenset(",.;:!?")
-_ENDS = _MARKS | {"then"}
+_ENDS = MARKS | {"then"}
 _DONE = ("when", "until")  # joins after which a deed counts only where somebody is said to have done it
 _SUBJECTS = frozenset(["you", "we", "having", "robot", "arm"])
 _PERFECT = frozenset(
@@ -35,7 +34,7 @@ _PLACES = frozenset(["in", "inside", "into", "on", "onto", "near", "next", "behi
 _LEFT_OUT = frozenset([",", "and", "but", "only", "then", "just"])  # beside a clause of time
 _SOONER = frozenset(["earlier", "before", "sooner"])  # "but not earlier"
 _FIXED = frozenset(["button", "lever", "wheel", "drawer", "fridge"])
-_TIMES = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
+TIMES = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 _WHETHER = re.compile(
     r"^(?:has|have|is|are|was) (?!you\b|i\b)(?P<what>.+?)(?: been)? (?P<done>\w+)(?: yet| already| now)?$"
 )
@@ -109,7 +108,7 @@ def _done(found: Sequence[Token]) -> tuple[list[Token], int] | None:
     """Return the command whose result a clause tells, "drawer is closed", and how many words the clause has."""
     words = [token.text for token in found]
     copula = next((i for i, word in enumerate(words[:_LONGEST]) if word in _IS), 0)
-    if not copula or set(words[:copula]) & (_MARKS | _SUBJECTS) or words[0] == "that":  # "after that red goes on"
+    if not copula or set(words[:copula]) & (MARKS | _SUBJECTS) or words[0] == "that":  # "after that red goes on"
         return None
     at = copula
     while at < len(words) and words[at] in _IS | _DEGREES:
@@ -201,7 +200,7 @@ def times(words: Sequence[str]) -> tuple[int, list[int]]:
     """Return how often something is to be done, and the indices of the words that say so."""
     for at, word in enumerate(words):
         if word in ("twice", "thrice"):
-            return _TIMES[word], [at]
+            return TIMES[word], [at]
         if (
             word == "once"
             and words[max(at - 1, 0)] != "at"
@@ -209,6 +208,6 @@ def times(words: Sequence[str]) -> tuple[int, list[int]]:
         ):
             return 1, [at]
         end = at + 1 + (words[at + 1 : at + 2] == ["more"])
-        if word in _TIMES and words[end : end + 1] == ["times"]:
-            return _TIMES[word], list(range(at, end + 1 + (words[end + 1 : end + 2] == ["more"])))
+        if word in TIMES and words[end : end + 1] == ["times"]:
+            return TIMES[word], list(range(at, end + 1 + (words[end + 1 : end + 2] == ["more"])))
     return 1, []

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from language import costs
 from language.free_spots import GRID, SHARES, clear_of, free_grid, grid
 from language.meanings import Entity, Measure, RelationPhrase
-from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
+from language.referents import SIDEWAYS, Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
 from language.spots import (
     MiddleDistance,
     Point,
@@ -38,8 +38,7 @@ Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  
 
 NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
 SPOT = 8  # points that are compared for the effort of looking for one free spot
-_SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
-_APART = ("toward", "away", "farthest", *_SIDEWAYS)
+_APART = ("toward", "away", "farthest", *SIDEWAYS)
 ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
 
 
@@ -64,7 +63,7 @@ def _spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...]
         return _on_table(resolver, mover, relations, typed)
     points = _points(resolver, mover, relations[0], typed)
     for relation in relations[1:]:
-        points = _also(resolver, mover, points, relation)
+        points = _also(resolver, points, relation)
     best: dict[tuple, Spot] = {}
     for point in sorted(points, key=lambda point: point.cost):
         found = settle(world, mover, point)
@@ -87,7 +86,7 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         return []
     found: list[Point] = []
     for number, anchor in enumerate(_anchors(resolver, relation, mover if typed else None), 1):
-        if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
+        if mover in anchor.things and (relation.name not in SIDEWAYS or relation.anchors[0].kind != "it"):
             continue
         key = (mover, relation.name, relation.value, relation.measure, anchor[:4])
         if key not in resolver.points:
@@ -126,11 +125,11 @@ def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) ->
     """Return the points in a relation to one anchor."""
     name = relation.name
     if world.cells and relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
-        return _beside(world, mover, anchor, "far" if name == "over" else "near", relation.measure)
-    if name in _SIDEWAYS and anchor.kind == "board":  # "two squares to the left of the board"
-        return _shifted(world, mover, replace(relation, name="direction", value=_SIDEWAYS[name]))
-    if name in _SIDEWAYS:
-        return _beside(world, mover, anchor, _SIDEWAYS[name], relation.measure)
+        return _beside(world, anchor, "far" if name == "over" else "near", relation.measure)
+    if name in SIDEWAYS and anchor.kind == "board":  # "two squares to the left of the board"
+        return _shifted(world, mover, replace(relation, name="direction", value=SIDEWAYS[name]))
+    if name in SIDEWAYS:
+        return _beside(world, anchor, SIDEWAYS[name], relation.measure)
     if name in ("near", "nearest"):
         return _around(world, mover, anchor)
     if anchor.things:
@@ -179,7 +178,7 @@ def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Po
     return [Point(thing.x + dx * length, thing.y + dy * length, 0.0, free=True)]
 
 
-def _beside(world: WorldModel, mover: int, anchor: Ref, side: str, measure: Measure | None) -> list[Point]:
+def _beside(world: WorldModel, anchor: Ref, side: str, measure: Measure | None) -> list[Point]:
     dx, dy = world.toward(side)
     step = length_of(world, measure, world.pitch)
     return [Point(anchor.x + dx * step, anchor.y + dy * step, 0.0, free=True)]
@@ -190,7 +189,7 @@ def _around(world: WorldModel, mover: int, anchor: Ref) -> list[Point]:
     thing = world.things[mover]
     found = []
     for side in ("left", "right", "far", "near"):
-        for point in _beside(world, mover, anchor, side, None):
+        for point in _beside(world, anchor, side, None):
             away = abs(point.x - thing.x) + abs(point.y - thing.y)
             found.append(point._replace(cost=point.cost + 0.02 * away / world.pitch))
     return found
@@ -198,11 +197,8 @@ def _around(world: WorldModel, mover: int, anchor: Ref) -> list[Point]:
 
 def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Point]:
     refs = [resolver.resolve(anchor) for anchor in relation.anchors]
-    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
     found = []
-    for one, other in pairs:
-        if mover in one.things + other.things or one.things == other.things:
-            continue
+    for one, other in _pairs(refs, mover):
         x, y = (one.x + other.x) / 2, (one.y + other.y) / 2
         if resolver.world.cells and (x != int(x) or y != int(y)):
             x, y = float(round(x)), float(round(y))
@@ -210,7 +206,13 @@ def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Po
     return found
 
 
-def _also(resolver: Resolver, mover: int, points: list[Point], relation: RelationPhrase) -> list[Point]:
+def _pairs(refs: list[list[Ref]], mover: int) -> list[tuple[Ref, Ref]]:
+    """Return the pairs of the referents of two anchors, or of one, that are others than the moved thing."""
+    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
+    return [(a, b) for a, b in pairs if a.things != b.things and mover not in a.things + b.things]
+
+
+def _also(resolver: Resolver, points: list[Point], relation: RelationPhrase) -> list[Point]:
     """Return the points that are in a further relation, too."""
     world = resolver.world
     if relation.name == "direction" and relation.value in ("up", "top", "down"):
@@ -422,7 +424,7 @@ def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref
     anchor = ref.things[-1]
     other = world.things[anchor]
     what = f"the place {_WORDS.get(name, name)} {a_name(world, anchor)}"
-    if name in _SIDEWAYS:
+    if name in SIDEWAYS:
         return [_at_side(world, mover, anchor, relation, what, alone)]
     if name in ("near", "nearest") or (name == "from" and relation.measure is not None):
         return [_ring(world, mover, anchor, what, relation)]
@@ -460,7 +462,7 @@ def _at_side(
     alone: straight on that side; otherwise a further relation says where along it.
     """
     thing, other = world.things[mover], world.things[anchor]
-    dx, dy = world.toward(_SIDEWAYS[relation.name])
+    dx, dy = world.toward(SIDEWAYS[relation.name])
     width = (thing.width + other.width) / 2
     gap = _apart(world, width, relation.measure) if _is_gap(relation) else 1.3 * width + 0.01
 
@@ -538,13 +540,10 @@ def _aside(world: WorldModel, mover: int) -> _Wish:
 
 def _between(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[_Wish]:
     refs = [sorted(_of_kind(resolver, anchor, mover), key=lambda ref: ref.cost)[:4] for anchor in relation.anchors]
-    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
     found = []
-    for one, other in pairs:
-        if one.things != other.things and mover not in one.things + other.things:
-            middle = (one.x + other.x) / 2, (one.y + other.y) / 2
-            wish = _near_point(*middle, 0.06, "the place between the two")
-            found.append(wish._replace(cost=one.cost + other.cost))
+    for one, other in _pairs(refs, mover):
+        wish = _near_point((one.x + other.x) / 2, (one.y + other.y) / 2, 0.06, "the place between the two")
+        found.append(wish._replace(cost=one.cost + other.cost))
     return found
 
 
@@ -557,8 +556,8 @@ def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref)
         return [_side_wish(world, ["near" if area.kind == "robot" else "far"], area.kind == "person", absolute=True)]
     if area.kind == "cell":  # what a gesture shows
         return [_near_point(area.x, area.y, 0.12, "that place")]
-    if name in _SIDEWAYS and area.kind == "board":
-        return [_side_wish(world, [_SIDEWAYS[name]], False)]
+    if name in SIDEWAYS and area.kind == "board":
+        return [_side_wish(world, [SIDEWAYS[name]], False)]
     if area.kind == "center" and relation.measure is not None:  # "a bit towards the middle"
         dx, dy = world.center[0] - thing.x, world.center[1] - thing.y
         share = min(length_of(world, relation.measure, world.pitch) / max(math.hypot(dx, dy), 1e-6), 1.0)
@@ -568,7 +567,7 @@ def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref)
         return [inner, outer._replace(cost=1.0)]  # the outer one is for several things
     if area.kind == "board" and name != "under":
         return [_Wish(thing.x, thing.y, _anywhere, what="the table")]
-    if area.kind in ("corner", "edge", "side") and name in (*ONTO, "near", "under", "from", "toward", *_SIDEWAYS):
+    if area.kind in ("corner", "edge", "side") and name in (*ONTO, "near", "under", "from", "toward", *SIDEWAYS):
         x0, x1, y0, y1 = world.bounds
         sides = ["far"] * (area.box[0] >= x1 - 1e-6) + ["near"] * (area.box[1] <= x0 + 1e-6)
         sides += ["left"] * (area.box[2] >= y1 - 1e-6) + ["right"] * (area.box[3] <= y0 + 1e-6)

@@ -12,9 +12,9 @@ from itertools import pairwise
 from language import costs
 from language.chart import is_mutual
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
-from language.revising import only_verb, pinned, unfit
+from language.revising import only_verb, unfit
 from language.several import Several
-from language.spots import a_name
+from language.spots import a_name, pinned
 from language.steps import (
     BOXES,
     CARRY,
@@ -25,6 +25,7 @@ from language.steps import (
     allows,
     different,
     finished,
+    unsaid,
 )
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 
@@ -49,7 +50,7 @@ class Planner(Several):
         """Return the plans of a reading, the cheapest first; those that fail come last and say why."""
         steps = reading.steps
         if reading.condition is not None:
-            refs = self.resolver(self.world, self.it, None).resolve(reading.condition)
+            refs = self.resolver(self.world, self.it).resolve(reading.condition)
             if refs:
                 self.it = refs[0].things
             else:
@@ -102,7 +103,7 @@ class Planner(Several):
         beside = [each for each in entity.relations if each.name in ("left", "right", "front", "behind", "near")]
         if entity.span[0] > 3 and any(anchor.kind == "it" for each in beside for anchor in each.anchors):
             return 0.0  # the clauses before tell what "it" is
-        refs = self.resolver(self.world, self.it, None).resolve(entity)
+        refs = self.resolver(self.world, self.it).resolve(entity)
         return refs[0].cost if refs else costs.EMPTY
 
     def _either(self, plan: Draft, clause: Clause, last: bool) -> Iterable[Draft]:
@@ -142,7 +143,7 @@ class Planner(Several):
         elif any(is_mutual(place) for place in clause.places):
             yield from self._mutual(plan, clause)
         elif plan.topic is not None and clause.entity is not None and act is not Act.SWAP and not _spoken(clause):
-            yield replace(self._unsaid(plan), cost=plan.cost + 1.0)
+            yield replace(unsaid(plan, plan.topic), cost=plan.cost + 1.0)
         elif act in (Act.NEVER, Act.TIDY):
             yield from self._undoable(plan, clause)
         elif act is Act.SWAP:
@@ -167,7 +168,7 @@ class Planner(Several):
         boxes = [each for step in plan.steps[-1:] for each in (step.object, step.goal) if each in self.world.containers]
         beside = [anchor for each in getattr(clause.entity, "relations", ()) for anchor in each.anchors if anchor.noun]
         if not boxes and plan.box is None and beside:  # "take the one nearest to the drawer and drop it in"
-            named = self.resolver(moved.world, moved.it, None).resolve(beside[-1])
+            named = self.resolver(moved.world, moved.it).resolve(beside[-1])
             boxes = [i for ref in named[:1] for i in ref.things if i in self.world.containers]
         box = mover if mover in self.world.containers else boxes[-1] if boxes else plan.box
         return replace(plan, it=(mover,), box=box, topic=None)
@@ -218,7 +219,7 @@ class Planner(Several):
                 put = Clause(CARRY, plan.topic.entity, clause.places, span=clause.span)
                 yield from self._after(replace(plan, topic=None), put, last)
             elif plan.world.held is not None and not plan.world.cells:  # "into the drawer please"
-                held = Entity(pointed=Gesture((plan.world.held,)), span=clause.span)
+                held = replace(pinned(plan.world.held), span=clause.span)
                 yield from self._after(plan, Clause(CARRY, held, clause.places, span=clause.span), last)
             else:
                 yield replace(plan, failure="that says where, but not what", reason="what", entity=None)
@@ -266,41 +267,27 @@ class Planner(Several):
 
     def _same_again(self, plan: Draft, clause: Clause, before: Clause) -> Iterator[Draft]:
         """Yield the plan in which a fragment says more about the object of the clause before, or repeats its verb."""
-        start, new = self._sequence_start(plan), clause.entity
+        start, new, old = self._sequence_start(plan), clause.entity, before.entity
         assert new is not None
-        meant = (
-            [ref.things[-1] for ref in self._refs(plan, before, before.entity) if ref.things] if before.entity else []
-        )
-        named = [ref.things[-1] for ref in self._refs(plan, before, new) if ref.things]
-        if (
-            len(plan.steps) == 1 and len(meant) > 1 and set(named) & set(meant) and before.entity is not None
-        ):  # "the ball, the green one"
-            closer = replace(new, noun=new.noun or before.entity.noun)
-            yield from (replace(d, cost=d.cost + 0.2) for d in self._after(start, replace(before, entity=closer), True))
-        elif (
-            before.entity is None
-            or before.entity.kind == "it"
-            or before.entity.other
-            or (
-                before.entity.noun is None
-                and (self.world.cells or not (before.entity.colors or before.entity.relations))
-            )
-        ):
-            yield from (
-                replace(d, cost=d.cost + 0.5) for d in self._after(start, replace(before, entity=clause.entity), True)
-            )
+        meant = [ref.things[-1] for ref in self._refs(plan, before, old) if ref.things] if old is not None else []
+        both = {*meant} & {ref.things[-1] for ref in self._refs(plan, before, new) if ref.things}
+        if old is not None and len(plan.steps) == 1 and len(meant) > 1 and both:  # "the ball, the green one"
+            new, cost = replace(new, noun=new.noun or old.noun), 0.2
+        elif old is None or old.kind == "it" or old.other or (old.noun is None and not self._tells_more(old)):
+            cost = 0.5
         else:
             bare = not (new.noun or new.colors or new.other or new.parts or self.world.cells)  # "..., the right one"
-            again, cost = replace(before, entity=clause.entity), 0.6 + costs.ANOTHER_BARE * bare
-            yield from (replace(d, cost=d.cost + cost) for d in self._after(plan, again, True))
+            start, cost = plan, 0.6 + costs.ANOTHER_BARE * bare
+        again = self._after(start, replace(before, entity=new), True)
+        yield from (replace(draft, cost=draft.cost + cost) for draft in again)
+
+    def _tells_more(self, entity: Entity) -> bool:
+        """Whether a phrase without a noun tells a thing of a table by its colour or where it is."""
+        return not self.world.cells and bool(entity.colors or entity.relations)
 
     def _sequence_start(self, plan: Draft) -> Draft:
-        """Return the plan before its last clause, if it has only one; otherwise a plan without steps."""
+        """Return a plan without steps, in which what was spoken of is known."""
         return Draft(self.world, it=self.it, mentioned=self.mentioned, box=plan.box, arbitrary=plan.arbitrary)
-
-    def _unsaid(self, plan: Draft) -> Draft:
-        assert plan.topic is not None
-        return replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
 
     def _undoable(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
         verb = KNOWN[clause.verb or ""]
@@ -310,11 +297,7 @@ class Planner(Several):
             verb.effect and plan.world.verbs is None and clause.entity is not None and clause.places
         ):  # a task that can
             for mover in self._movers(plan, clause):
-                yield from (
-                    [mover]
-                    if mover.failure or mover.mover is None
-                    else self._act(mover, replace(clause, verb=clause.verb))
-                )
+                yield from [mover] if mover.failure or mover.mover is None else self._act(mover, clause)
         else:
             yield replace(plan, failure="never", reason="never", entity=Entity(span=clause.span))
 

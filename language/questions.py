@@ -16,7 +16,7 @@ from language.comparing import Predicate
 from language.lattice import Lattice
 from language.normalise import questions
 from language.planning import Planner
-from language.scanning import COLOR, THING, Token, scan
+from language.scanning import COLOR, THING, Token, scan, text_of
 from language.talk import holds, listed, name, phrase, real, seen, state, where
 from language.words import GROUPS, colors, nouns, phrases
 from language.world import AT_END, WorldModel
@@ -414,7 +414,7 @@ class Questions(Alternatives):
         entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
         if entity is None and re.match(r"(?:do|can|have|is there|are there)\b", match[0]) and len(text.split()) < 5:
             return f"no: I know of no {_plain(text)} here"
-        rest = " ".join(token.text for token in scan(text)[entity.span[1] :]) if entity is not None else ""
+        rest = text_of(scan(text)[entity.span[1] :]) if entity is not None else ""
         if entity is None or re.search(r"[a-z]", _ADDING.sub("", f"{rest} ")):  # "is the red cube dirty?"
             return None
         if not things:

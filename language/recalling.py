@@ -16,8 +16,9 @@ from language.later import later_time
 from language.lattice import Lattice, vocabulary
 from language.meanings import Gesture
 from language.memory import Memory
+from language.ordering import TIMES
 from language.outcomes import Answer, Plan, Step
-from language.scanning import COLOR, Token, scan
+from language.scanning import COLOR, scan, text_of
 from language.talk import listed, name, phrase
 from language.verbs import KNOWN, Act
 from language.words import colors
@@ -69,7 +70,6 @@ _CALLS = re.compile(
 )
 _NO_NAME = frozenset(["a", "an", "it", "me", "us", "you", "when", "if", "back", "out", "up", "again", "one", "ones"])
 _RANKS = {"first": 0, "second": 1, "third": 2, "fourth": 3, "last": -1}
-_COUNTS = {"two": 2, "three": 3}
 
 
 class Recalled(NamedTuple):
@@ -105,7 +105,7 @@ class Recollections(Memory):
 
     def called(self, sentence: str) -> Answer | None:
         """Return the answer to a sentence that gives a name, or asks for one; None of another one."""
-        text, world = _words(scan(sentence.rstrip(" .!?"))), self.now
+        text, world = text_of(scan(sentence.rstrip(" .!?"))), self.now
         asked = re.fullmatch(r"(?:who|what|which(?: one| cube| block| thing)?) (?:is|was) (?P<name>\w+(?: \w+)?)", text)
         if asked and asked["name"] in self.names:
             return self._introduced(sentence, asked["name"])
@@ -131,21 +131,20 @@ class Recollections(Memory):
         meant = self.names[called]
         at = re.search(rf"\b{called}\b", sentence, re.IGNORECASE)
         what = name(self.now, meant.things[0]) if meant.things else "a place on the table"
-        return Answer(
-            sentence, 1.0, (), (0, len(sentence)), text=f"{at[0] if at else called} is {what}", about=meant.things
-        )
+        text = f"{at[0] if at else called} is {what}"
+        return Answer(sentence, 1.0, (), (0, len(sentence)), text, about=meant.things)
 
     # ---- What is told, each with the words that tell it: a name, or a place
 
     def _by_name(self, sentence: str) -> Iterator[tuple[re.Match[str], str | Gesture]]:
-        text = _words(scan(sentence))
+        text = text_of(scan(sentence))
         for called, meant in self.names.items():
             lead = r"(?:\b(?:on|at|to|onto|in|into|back|over) )*" if not meant.things else ""
             for match in re.finditer(rf"{lead}\b{called}\b", text):
                 yield match, name(self.now, meant.things[0]) if meant.things else meant
 
     def _by_deed(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
-        text = _words(scan(sentence))
+        text = text_of(scan(sentence))
         for match in (*_DONE.finditer(text), *_LAST.finditer(text), *_SAME.finditer(text)):
             found = self._done_with(match)
             if found:
@@ -172,8 +171,8 @@ class Recollections(Memory):
             order, start = list(dict.fromkeys(things)), _RANKS.get(rank, 0)
         else:
             order, start = list(dict.fromkeys(reversed(things))), 0
-        many = (said.get("number") or noun) in _COUNTS or noun.endswith("s")
-        number = _COUNTS.get(said.get("number") or noun, len(order)) if many else 1
+        many = (said.get("number") or noun) in TIMES or noun.endswith("s")
+        number = TIMES.get(said.get("number") or noun, len(order)) if many else 1
         return order[start : start + number]
 
     def _steps(self) -> list[Step]:
@@ -183,7 +182,7 @@ class Recollections(Memory):
     def _by_order(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "the first" and "the second", where something was done with two things: "put the first on ..."."""
         things = list(dict.fromkeys(step.object for step in self._steps()))
-        text = _words(scan(sentence))
+        text = text_of(scan(sentence))
         for match in _AGAIN.finditer(text):  # "now the first one again"
             order = self._done_alike()
             if match["noun"] and len(order) > 1 and abs(_RANKS[match["rank"]]) < len(order):
@@ -191,7 +190,7 @@ class Recollections(Memory):
         said, last = self.open_question(), self.turns[-1].outcome if self.turns else None
         offered = said.candidates if said is not None else last.about if isinstance(last, Answer) else ()
         for match in _NAMED_FIRST.finditer(text):
-            rank, number = _RANKS[match["rank"]], _COUNTS.get(match["number"] or "", 1)
+            rank, number = _RANKS[match["rank"]], TIMES.get(match["number"] or "", 1)
             named = offered[rank:][:number] if rank >= 0 else offered[-number:]
             if len(named) == number < len(offered):
                 yield match, listed([name(self.now, i) for i in named])
@@ -217,7 +216,7 @@ class Recollections(Memory):
 
     def _by_base(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "the one that was under it", if the thing was taken off another one."""
-        for match in _BASE.finditer(_words(scan(sentence))):
+        for match in _BASE.finditer(text_of(scan(sentence))):
             told, planner = match["over"] or match["over2"], self.planner()
             things = list(planner.it[:1]) if told in ("it", "that", "this") else self._things(told)
             rest = planner.rests.get(things[0]) if len(things) == 1 else None
@@ -225,7 +224,7 @@ class Recollections(Memory):
                 yield match, name(self.now, rest[2])
 
     def _by_stand(self, sentence: str) -> Iterator[tuple[re.Match[str], str | Gesture]]:
-        text = _words(scan(sentence))
+        text = text_of(scan(sentence))
         match = _STOOD.search(text)
         if match is None or not match.start() or question(text) or _POINTS.search(text):
             return
@@ -246,10 +245,6 @@ class Recollections(Memory):
         real = [i for ref in refs for i in ref.things[-1:]]
         solid = [i for i in real if not self.now.things[i].target and self.now.is_loose(i)]
         return list(dict.fromkeys(solid or real))
-
-
-def _words(tokens: list[Token]) -> str:
-    return " ".join(token.text for token in tokens)
 
 
 def acts_of(verb: str) -> frozenset[Act]:

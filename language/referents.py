@@ -13,14 +13,14 @@ from typing import NamedTuple
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest, extent, half_of, pair_of
+from language.spots import Rest, along, extent, half_of, middle_of, pair_of
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
 _fields = attrgetter(*(name for name in Entity.__slots__ if name != "span"))  # phrases that share these mean the same
 TIE = 0.1  # pitches: distances and coordinates this close are equal
-_SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
-_ANYWHERE = (*_SIDEWAYS, "beside", "opposite", "with", "matching")  # relations to things that stand anywhere
+SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}  # relations with their directions
+_ANYWHERE = (*SIDEWAYS, "beside", "opposite", "with", "matching")  # relations to things that stand anywhere
 _SELECTING = ("nearest", "farthest", "near")
 _LOCATING = ("on", "over", "in", "at", "to", "of", "from")
 
@@ -282,8 +282,8 @@ def _cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchor: Ref) ->
     if anchor is ref or (anchor.things and anchor.things == ref.things):
         return None
     name = relation.name
-    if name in _SIDEWAYS:
-        return _beside(world, ref, anchor, _SIDEWAYS[name], relation)
+    if name in SIDEWAYS:
+        return _beside(world, ref, anchor, SIDEWAYS[name], relation)
     if name == "beside":
         return 0.0 if 0.5 * world.pitch < distance(ref.x, ref.y, anchor) <= 1.3 * world.pitch else None
     if name == "under":
@@ -553,8 +553,7 @@ class Resolver:
         """Return the referents that are farthest toward the sides."""
         tie = TIE * self.world.pitch
         if "center" in sides and not self.world.cells and len(refs) % 2 and len(refs) > 2:  # "the middle one" of a row
-            dx, dy = self.world.toward("left")
-            return sorted(refs, key=lambda ref: dx * ref.x + dy * ref.y)[len(refs) // 2 :][:1]
+            return [middle_of(self.world, refs)]
         if "center" in sides:
             middle = spot(*self.world.center)
             return best(refs, lambda ref: distance(ref.x, ref.y, middle), tie)
@@ -563,10 +562,8 @@ class Resolver:
             bearing = [ref for ref in refs if ref.things and self.world.above[ref.things[-1]] is not None]
             refs = bearing if sides[0] == "down" and bearing and not self.world.cells else refs
             return best(refs, lambda ref: sign * ref.top, tie)
-        vectors = [self.world.toward(side) for side in dict.fromkeys(map(self.world.side, sides))]
-        if number > 1:  # "the three cubes on the right"
-            return sorted(refs, key=lambda ref: -sum(dx * ref.x + dy * ref.y for dx, dy in vectors))[:number]
-        return best(refs, lambda ref: -sum(dx * ref.x + dy * ref.y for dx, dy in vectors), tie)
+        ways = [along(self.world, side) for side in dict.fromkeys(map(self.world.side, sides))]
+        return best(refs, lambda ref: -sum(way(ref) for way in ways), tie, number)
 
     def _superlative(self, name: str, refs: list[Ref], number: int) -> list[Ref]:
         tie = TIE * self.world.pitch
@@ -594,7 +591,8 @@ class Resolver:
                 if entity.ordinal == -1 and relation.name != "from":
                     return self._toward(refs, (start,))
             start = (relation.value or start) if relation.name == "direction" else start
-        dx, dy = self.world.toward(start) if start in (*SIDES, "front", "back", "forward", "backward") else (0.0, 1.0)
-        order = sorted(refs, key=lambda ref: -(dx * ref.x + dy * ref.y))
+        known = start in (*SIDES, "front", "back", "forward", "backward")
+        way = along(self.world, start) if known else attrgetter("y")
+        order = sorted(refs, key=lambda ref: -way(ref))
         at = entity.ordinal - 1 if entity.ordinal > 0 else len(order) - 1
         return order[at : at + 1]

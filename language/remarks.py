@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
-from language.scanning import COLOR, Token, verb_words
+from language.scanning import COLOR, MARKS, Token, text_of, verb_words
 
-_MARKS = ",.;!?:"
 _THING = (
     rf"(?:{COLOR}|cubes?|blocks?|bricks?|box|boxes|pieces?|drawers?|fridge|refrigerator|doors?|button|lever|wheel|switch"
     r"|tower|stack|pile|left|right|table|corner|middle|side|edge|them|both|all|everything|leftmost|rightmost|one"
@@ -158,17 +157,17 @@ def _parts(found: list[Token]) -> list[_Part]:
     """Return the words between marks; a reason within them is a part of its own."""
     parts: list[list[Token]] = []
     for token in found:
-        if not parts or parts[-1][-1].text in _MARKS:
+        if not parts or parts[-1][-1].text in MARKS:
             parts.append([])
         parts[-1].append(token)
     split: list[list[Token]] = []
     for part in parts:
-        text = " ".join(token.text for token in part)
+        text = text_of(part)
         cut = _AFTER.search(text)
         at = text[: cut.start()].count(" ") + 1 if cut and not _STATES.search(text[cut.start() :]) else len(part)
         at = before[0].count(" ") + 1 if (before := _IS_SO.match(text)) else at
         split += [each for each in (part[:at], part[at:]) if each]
-    return [_Part(each, " ".join(token.text for token in each).rstrip(f" {_MARKS}"), each[-1].text) for each in split]
+    return [_Part(each, text_of(each).rstrip(f" {''.join(MARKS)}"), each[-1].text) for each in split]
 
 
 @cache
@@ -202,11 +201,8 @@ def _follows(part: _Part, kept: list[Token]) -> bool:
 
 def asks_nothing(text: str) -> bool:
     """Whether a part is a reason, or says what is so."""
-    if (
-        (_IDLE.match(text) and not re.search(rf"\b{_THING}\b", text.replace("nothing", "")))
-        or _CHECK.match(text)
-        or _REASON.match(text)
-    ):
+    idle = _IDLE.match(text) and not re.search(rf"\b{_THING}\b", text.replace("nothing", ""))
+    if idle or _CHECK.match(text) or _REASON.match(text):
         return True
     kept = rf"\b(?:if|unless|which|any|order|should|must|only|not touch|wrong)\b|^there (?:is|are)\b.*\b{_THING}\b"
     if not _REMARK.match(text) or re.search(kept, text):
@@ -225,7 +221,7 @@ def tells_of(text: str) -> bool:
 
 def _unsigned(found: list[Token]) -> list[Token]:
     """Return the words without a name under them: "best regards, Hannelore"."""
-    text = " ".join(token.text for token in found)
+    text = text_of(found)
     signed = _SIGNED.search(text)
     if not signed or not signed.start() or len(signed["who"].split()) > 4 or re.search(_THING + r"\b", signed["who"]):
         return found

@@ -14,10 +14,11 @@ from language.meanings import Clause, Entity, Gesture, Measure, Reading, Relatio
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
-from language.revising import filled, is_unshown, pinned, restoring, revised, selecting
+from language.revising import filled, is_unshown, restoring, revised, selecting
 from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
+from language.spots import pinned
 from language.talk import name, offers, phrase
 from language.verbs import HERE, POINTING, Act, bringing
 from language.words import REGIONS
@@ -139,7 +140,7 @@ class Replies(Recollections):
         pin = last.pointed.things[:1] if isinstance(last.pointed, Gesture) else ()
         alike = replace(said, noun=last.noun or next((things[i].kind for i in pin), None))
         fits = alike.noun is not None and any(
-            ref.things for ref in self.planner().resolver(self.now, (), None).resolve(alike)
+            ref.things for ref in self.planner().resolver(self.now, ()).resolve(alike)
         )
         return alike if fits else said
 
@@ -152,7 +153,7 @@ class Replies(Recollections):
         at = [step.place for step in getattr(done.outcome, "steps", ()) if step.carries and step.place is not None]
         if place.name not in _BESIDE or len(place.anchors) != 1 or place.anchors[0].kind != "thing" or not at:
             return last
-        refs = [ref for ref in self.planner().resolver(done.world, (), None).resolve(place.anchors[0]) if ref.things]
+        refs = [ref for ref in self.planner().resolver(done.world, ()).resolve(place.anchors[0]) if ref.things]
         if len(refs) < 2:
             return last
         chosen = min(refs, key=lambda ref: math.dist((ref.x, ref.y), at[-1]))
@@ -170,7 +171,7 @@ class Replies(Recollections):
         )
         if place is None or not any(place.anchors[0] is anchor for anchor in said):
             return reading
-        refs = self.planner().resolver(self.now, self.it, None).resolve(place.anchors[0])
+        refs = self.planner().resolver(self.now, self.it).resolve(place.anchors[0])
         over = self.now.above[refs[0].things[-1]] if refs and refs[0].things else None
         if over is None or over not in self.it:
             return reading
@@ -281,7 +282,7 @@ class Replies(Recollections):
         moved = [step.object for step in steps if step.carries and not step.implied]
         if match is None or world.cells or world.held is not None or not moved or not anchors:
             return None
-        refs = self.planner().resolver(world, (), None).resolve(anchors[-1])
+        refs = self.planner().resolver(world, ()).resolve(anchors[-1])
         if not refs or not refs[0].things or refs[0].things[-1] == moved[-1]:
             return None
         other, comes = refs[0].things[-1], not match["how"].startswith(("further", "farther"))
@@ -351,7 +352,7 @@ class Replies(Recollections):
 
     def _what(self, sentence: str, entity: Entity) -> Outcome | None:
         world = self.now
-        things = [ref.things[-1] for ref in self.planner().resolver(world, (), None).resolve(entity) if ref.things]
+        things = [ref.things[-1] for ref in self.planner().resolver(world, ()).resolve(entity) if ref.things]
         if not things:
             return None
         things.sort(key=lambda i: entity.noun is None and world.things[i].kind in FIXED)
@@ -393,7 +394,7 @@ class Replies(Recollections):
         if entity.ordinal is not None and not entity.relations and set(among) <= set(self.now.containers):
             order = list(candidates)  # as they were listed
             return order[entity.ordinal - 1 :][:1] if entity.ordinal > 0 else order[-1:]
-        resolver = planner.resolver(planner.world, self.it, None)
+        resolver = planner.resolver(planner.world, self.it)
         refs = resolver.resolve(replace(entity, every=False), lambda ref: bool(set(ref.things) & among))
         if not among:
             return [i for ref in refs for i in ref.things][:1]
@@ -407,7 +408,7 @@ class Replies(Recollections):
             return None
         slots = ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
         name_of = "in" if index in self.now.containers else "on"
-        tried = [each for slot in slots if (each := filled(self.last, pinned(index), slot, name_of)) is not None]
+        tried = [filled(self.last, pinned(index), slot, name_of) for slot in slots]
         return self._tried(sentence, tried, found)
 
     def _asks_goal(self, asked: Question) -> bool:
@@ -419,7 +420,7 @@ class Replies(Recollections):
             return False
         if clause.entity is None or clause.entity.kind == "it":
             return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)
-        refs = self.planner().resolver(self.now, self.it, None).resolve(clause.entity)
+        refs = self.planner().resolver(self.now, self.it).resolve(clause.entity)
         things = {ref.things[-1] for ref in refs if ref.things}
         return len(things & set(asked.candidates)) < len(asked.candidates) and len(things) <= 2
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.outcomes import Step
 from language.places import ONTO
-from language.spots import BRUSHED, a_name, is_elsewhere
+from language.spots import BRUSHED, a_name, is_elsewhere, pinned
 from language.steps import CARRY
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.words import ENCLOSING
@@ -22,11 +22,6 @@ _ASIDE = re.compile(  # "move to the left"
 )
 _GOING = (*ONTO, "near")  # relations to what the gripper goes to
 MOVED = 0.06  # of the distance between neighbours: a thing that was to move and moved less is where it was
-
-
-def pinned(index: int) -> Entity:
-    """Return a phrase for one thing."""
-    return Entity(pointed=Gesture((index,)))
 
 
 def tells(phrase: Entity) -> bool:
@@ -46,23 +41,20 @@ def is_unshown(entity: Entity | None) -> bool:
     return entity.kind == "it" or (entity.kind == "thing" and not tells(entity))
 
 
-def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading | None:
+def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading:
     """Return the last reading with a thing as its object, or as the anchor of its place. relation: if it had none."""
     clause = last.steps[-1]
     if slot == "object":
-        return replace(last, steps=(*last.steps[:-1], replace(clause, entity=entity)), cost=0.0)
-    if not clause.places or not clause.places[0].anchors:
-        place = RelationPhrase(relation, (entity,))
-        return replace(last, steps=(*last.steps[:-1], replace(clause, places=(place,))), cost=0.0)
-    place = clause.places[0]
-    anchors = (entity, *place.anchors[1:])
-    if place.name in ("on", "in") and entity.noun is not None:  # "on the red cube", "no, the fridge"
-        place = replace(place, name="in" if entity.noun in ENCLOSING else "on")
-    return replace(
-        last,
-        steps=(*last.steps[:-1], replace(clause, places=(replace(place, anchors=anchors), *clause.places[1:]))),
-        cost=0.0,
-    )
+        clause = replace(clause, entity=entity)
+    elif not clause.places or not clause.places[0].anchors:
+        clause = replace(clause, places=(RelationPhrase(relation, (entity,)),))
+    else:
+        place = clause.places[0]
+        if place.name in ("on", "in") and entity.noun is not None:  # "on the red cube", "no, the fridge"
+            place = replace(place, name="in" if entity.noun in ENCLOSING else "on")
+        place = replace(place, anchors=(entity, *place.anchors[1:]))
+        clause = replace(clause, places=(place, *clause.places[1:]))
+    return replace(last, steps=(*last.steps[:-1], clause), cost=0.0)
 
 
 def revised(last: Reading, reply: Reading) -> list[Reading]:
@@ -82,13 +74,12 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
     if clause.entity is not None and rejected is not None and len(anchors) == 1:  # "I meant X, not Y": Y says which
         new = replace(clause.entity, relations=tuple(r for r in clause.entity.relations if r.name != "not"))
         if rejected.colors and rejected.colors == anchors[0].colors:
-            changed = filled(last, replace(new, noun=new.noun or anchors[0].noun), "goal")
-            return [changed] if changed is not None else []
+            return [filled(last, replace(new, noun=new.noun or anchors[0].noun), "goal")]
     if clause.entity is not None:
         phrases = _completed(last.steps, clause.entity)
         objects = [Reading(each) for phrase in phrases if (each := _replaced(last.steps, phrase))]
-        goals = filled(last, clause.entity, "goal") if anchors and clause.entity.kind == "thing" else None
-        meant = [goals] if goals is not None and (clause.entity.noun in ENCLOSING or clause.entity.role) else []
+        bears = clause.entity.kind == "thing" and (clause.entity.noun in ENCLOSING or clause.entity.role)
+        meant = [filled(last, clause.entity, "goal")] if anchors and bears else []
         return [*meant, *objects] if clause.entity.role == "target" else [*objects, *meant]
     old = last.steps[-1]
     places = tuple(_anchored(place, old.places) for place in clause.places)
@@ -107,8 +98,6 @@ def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
     at = max(i for i, step in enumerate(last.steps) if any(len(place.anchors) == 1 for place in step.places))
     old = last.steps[at].places[0].anchors[0]
     put = filled(Reading((replace(last.steps[at], entity=one),)), other, "goal")
-    if put is None:
-        return []
     noun = old.noun if old.noun in ENCLOSING else None
     steps = [
         replace(each, entity=other) if noun and each.entity is not None and each.entity.noun == noun else each
@@ -183,12 +172,10 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
         replace(place, name=TURNED.get(place.name, place.name), value=TURNED.get(place.value or "", place.value))
         for place in clause.places
     )
-    same = (
-        [place.name for place in turned] == [place.name for place in clause.places]
-        and turned
-        and (turned[0].value == clause.places[0].value)
-    )
-    return None if same or not turned else Reading((replace(clause, places=turned),))
+    same = [place.name for place in turned] == [place.name for place in clause.places]
+    if not turned or (same and turned[0].value == clause.places[0].value):
+        return None
+    return Reading((replace(clause, places=turned),))
 
 
 def partly_back(last: Reading) -> Reading | None:
@@ -219,12 +206,9 @@ def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
         return None
     if places[0].name == "direction" and places[0].value:
         return Entity(sides=(places[0].value,))
-    if (
-        places[0].name in ("on", "in", "to", "at", "near")
-        and places[0].anchors
-        and places[0].anchors[0].kind == "thing"
-    ):
-        return places[0].anchors[0]
+    anchor = next(iter(places[0].anchors), None)
+    if anchor is not None and anchor.kind == "thing" and places[0].name in ("on", "in", "to", "at", "near"):
+        return anchor
     return Entity(relations=places)
 
 
@@ -344,12 +328,7 @@ def aside(world: WorldModel, text: str) -> str:
 
 def unfit(world: WorldModel, clause: Clause) -> str:
     """Return why a clause cannot be carried out where one verb alone is possible, or ""."""
-    same = clause.verb is not None and clause.act in (
-        KNOWN[world.only].act if world.only else None,
-        Act.NEVER,
-        Act.TIDY,
-    )
-    if world.only is None or same:
+    if world.only is None or clause.act in (KNOWN[world.only].act, Act.NEVER, Act.TIDY):
         return ""
     if clause.verb is None or (all(each.name in ("direction", "home") for each in clause.places) and clause.places):
         return no_direction(world)

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import NamedTuple
 
 from language.verbs import KNOWN, OBJECT, Act
 from language.words import TABLE, phrases
 
+MARKS = frozenset(".,;:!?")
 THING = "cubes?|blocks?|drawer|fridge|button|lever|wheel|tower|stack"
 COLOR = "red|blue|yellow|orange|cyan|gray|grey|green|pink|purple|white"
 
 _FORMS = (  # verbs whose past and participle are irregular
-    "put put, take took taken, give gave given, bring brought, get got gotten, set set, lay laid, hold held, shut "
-    "shut, leave left, "
-    "keep kept, stand stood, slide slid, spin spun, hit hit, build built, make made, throw threw thrown, swing swung, "
-    "stick stuck, "
-    "let let, hang hung, find found, go went gone, send sent, draw drew drawn, catch caught, hide hid hidden"
+    "put put, take took taken, give gave given, bring brought, get got gotten, set set, lay laid, hold held, "
+    "shut shut, leave left, keep kept, stand stood, slide slid, spin spun, hit hit, build built, make made, "
+    "throw threw thrown, swing swung, stick stuck, let let, hang hung, find found, go went gone, send sent, "
+    "draw drew drawn, catch caught, hide hid hidden"
 )
 _IRREGULAR = {forms.split()[0]: forms.split()[1:] for forms in _FORMS.split(", ")}
 _DOUBLED = re.compile(r"^[^aeiou]*[aeiou][bdgkmnprt]$")
@@ -30,6 +30,11 @@ class Token(NamedTuple):
     text: str
     start: int
     end: int
+
+
+def text_of(tokens: Iterable[Token]) -> str:
+    """Return words and marks as a text, which single spaces separate."""
+    return " ".join(token.text for token in tokens)
 
 
 _WORD = re.compile(
@@ -106,11 +111,8 @@ def inflections(name: str, phrase: str) -> Iterator[tuple[str, str, str]]:
     stem = first[:-1] if first.endswith("e") and first != "see" else first
     stem = first + first[-1] if _DOUBLED.match(first) else stem
     third = first + ("es" if first.endswith(("s", "sh", "ch", "x", "z")) else "s")
-    pasts = (
-        [*_IRREGULAR[first], stem + "ed"]
-        if first in _IRREGULAR
-        else [first[:-1] + "ied" if first.endswith("ry") else stem + "ed"]
-    )
+    regular = first[:-1] + "ied" if first.endswith("ry") else stem + "ed"
+    pasts = [*_IRREGULAR[first], stem + "ed"] if first in _IRREGULAR else [regular]
     for form in (stem + "ing", third):
         yield "inflected", name, f"{form} {rest}".strip()
     for form in pasts:

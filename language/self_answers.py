@@ -64,10 +64,8 @@ class SelfAnswers(ABC):
     def held(self, match: re.Match[str]) -> str | None:
         """Say what the gripper or the person's hand holds."""
         world = self.world
-        if (
-            re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding|got)\b|am i\b|have i\b", match.string)
-            and world.hand is not None
-        ):
+        mine = re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding|got)\b|am i\b|have i\b", match.string)
+        if mine and world.hand is not None:
             self.things = inside = world.contents(world.hand)
             told = f"{self.names(inside).split(' in ')[0] if inside else 'nothing'} is in your hand"
             asked_what = re.match(r"(?:what|which|who)\b", match[0])
@@ -131,9 +129,8 @@ class SelfAnswers(ABC):
         if upper is None and below is None:
             return f"yes: nothing stands on {name(self.world, things[0])}"
         stands = (upper, things[0]) if upper is not None else (things[0], below)
-        return (
-            f"no: {' stands on '.join(name(self.world, i) for i in stands if i is not None)}, and nothing goes on two"
-        )
+        told = " stands on ".join(name(self.world, i) for i in stands if i is not None)
+        return f"no: {told}, and nothing goes on two"
 
     def did(self, match: re.Match[str]) -> str | None:
         """Say what was done last or first, how often, or whether and where something was put."""
@@ -149,8 +146,8 @@ class SelfAnswers(ABC):
             steps = [step for _, plan in plans for step in plan.steps if step.object in things]
             done = any(is_done(step, acts) for step in steps) if acts else bool(steps)
             return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"
+        told = "; then ".join(said(turn.world, plan.steps) for turn, plan in plans)
         if text.startswith("how many"):
-            told = "; then ".join(said(turn.world, plan.steps) for turn, plan in plans)
             number = "one thing" if len(plans) == 1 else f"{len(plans)} things"
             return f"I did {number}: {told}" if plans else "I have done nothing yet"
         into = re.search(r"\b(?:inside|in|into)\b(?: (.*))?$", text)
@@ -167,13 +164,9 @@ class SelfAnswers(ABC):
             return f"nothing: I have put nothing {where}" if plans else "I have done nothing yet"
         several = re.search(r"\b(?:so far|all|everything|until now|up to now|altogether)\b", text)
         if several and plans:
-            return f"I did this: {'; then '.join(said(turn.world, plan.steps) for turn, plan in plans)}"
-        if (
-            plans
-            and len(plans[-1][1].steps) > 1
-            and re.search(r"\blast$", text)
-            and re.match(r"(?:which|what) (?:one|\w+) ", text)
-        ):
+            return f"I did this: {told}"
+        last = re.match(r"(?:which|what) \w+ (?:.*\b)?last$", text)
+        if last and plans and len(plans[-1][1].steps) > 1:
             self.things = [plans[-1][1].steps[-1].object]
             return self.names(self.things)
         if len(plans) > 1 and (earlier := re.search(r"\b(?:first|before)\b", text)):
@@ -205,9 +198,8 @@ class SelfAnswers(ABC):
         if acts:
             box = next((i for i in (*self.things, self.planner.box) if i in self.world.containers), None)
             shut = next((step for _, each in reversed(plans) for step in each.steps if step.object == box), None)
-            return (
-                None if box is None else f"{'yes' if shut and shut.act in acts else 'no'}: {self._told(box, 'state')}"
-            )
+            yes = "yes" if shut and shut.act in acts else "no"
+            return None if box is None else f"{yes}: {self._told(box, 'state')}"
         after = plan.result or self.world
         fell = bool(turn.ending) or any(
             self.world.is_loose(i) and i != self.world.held and (i == after.held or is_elsewhere(self.world, after, i))
@@ -339,9 +331,8 @@ class SelfAnswers(ABC):
         if verb is not None:
             said_now = KNOWN[verb].templates[0].replace("{object}", thing)
             return f"I can {said_now}, and nothing else happens then: say {said_now!r}"
-        return (
-            f"I can {world.only or 'pick up'} {thing}{'' if world.only else ', and put it somewhere or on another one'}"
-        )
+        more = "" if world.only else ", and put it somewhere or on another one"
+        return f"I can {world.only or 'pick up'} {thing}{more}"
 
     def shape(self, match: re.Match[str]) -> str | None:
         """Say which shape things have."""
@@ -396,9 +387,8 @@ class SelfAnswers(ABC):
         """Say what there is."""
         if self.excepted:
             world = self.world
-            left = [
-                i for i, thing in enumerate(world.things) if not thing.target and i not in (world.hand, *self.excepted)
-            ]
+            left_out = (world.hand, *self.excepted)
+            left = [i for i, thing in enumerate(world.things) if not thing.target and i not in left_out]
             loose = [i for i in left if world.is_loose(i) and world.is_on_ground(i)]
             return f"I see {self.names(loose or left)}"
         return seen(self.world)
@@ -427,11 +417,8 @@ class SelfAnswers(ABC):
         """Say how high things are lifted and stacked."""
         if self.world.only:
             return f"I only {self.world.only} things here, and lift nothing"
-        most = (
-            "put one cube on another, and nothing on top of that"
-            if self.world.flat_only
-            else "stack as high as I reach"
-        )
+        flat = "put one cube on another, and nothing on top of that"
+        most = flat if self.world.flat_only else "stack as high as I reach"
         return f"I carry things at one height, just over the others, and {most}"
 
     def stuck(self, match: re.Match[str]) -> str | None:

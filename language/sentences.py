@@ -180,7 +180,7 @@ class _Sentences:
         """Return where a further clause may begin, with its cost."""
         found = {}
         at = end
-        while at < len(self.lattice) and self.lattice.tokens[at].text in (",", "-", "please", ":", "!", "?"):
+        while self.lattice.text(at) in (",", "-", "please", ":", "!", "?"):
             at += 1
         for edge in self.lattice.get(at, "join"):
             further = [again.end for again in self.lattice.get(edge.end, "join")]
@@ -335,15 +335,13 @@ class _Sentences:
         """Return the clause of such a verb with its object and place, for tasks that can do it."""
         if not KNOWN[verb].effect:
             return []
-        return [
-            more for entity in self.chart.entities(at) for more in self._placed_at(verb, entity, start, entity.end, 0.0)
-        ]
+        things = self.chart.entities(at)
+        return [more for each in things for more in self._placed_at(verb, each, start, each.end, 0.0)]
 
     def _building(self, verb: str, at: int, start: int) -> list[Item]:
         """Return the clauses that ask for a tower: "build a tower of three cubes", "stack the red and blue cube"."""
-        found = [
-            Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.2, i.skipped) for i in self._tower(at)
-        ]
+        tower = self._tower(at)
+        found = [Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.2, i.skipped) for i in tower]
         if self.lattice.text(start) in ("give", "i", "we", "have"):  # "give me the red cube and the blue one"
             return found
         return found + [
@@ -474,11 +472,8 @@ class _Sentences:
             clause = Clause(None, None, place.value, span=(at, place.end))
             found.append(Item(place.end, clause, place.cost + costs.NO_VERB, place.skipped))
             found += self._place_first(place, at) if self.lattice.table else []
-        if self.lattice.table:
-            found += [
-                Item(i.end, Clause(BUILDING, i.value, span=(at, i.end)), i.cost + 1.0, i.skipped)
-                for i in self._tower(at)
-            ]
+        tower = self._tower(at) if self.lattice.table else []
+        found += [Item(i.end, Clause(BUILDING, i.value, span=(at, i.end)), i.cost + 1.0, i.skipped) for i in tower]
         return found
 
     def _obliged(self, start: int, end: int) -> bool:
@@ -496,9 +491,8 @@ class _Sentences:
             for entity in self.objects(start):
                 total = place.cost + entity.cost + cost + costs.INVERTED
                 skipped = place.skipped | entity.skipped
-                found.append(
-                    Item(entity.end, Clause(verb, entity.value, place.value, span=(at, entity.end)), total, skipped)
-                )
+                clause = Clause(verb, entity.value, place.value, span=(at, entity.end))
+                found.append(Item(entity.end, clause, total, skipped))
                 for gap in self.lattice.gaps(entity.end) if verb is CARRYING else ():
                     for edge in self.lattice.get(gap.end, "done"):
                         if KNOWN[edge.value].act is Act.CARRY and not gap.cost:
@@ -561,14 +555,10 @@ class _Sentences:
     def _joined(self, item: Item) -> list[Item]:
         found = []
         at, cost = item.end, costs.PLACE_TWICE
-        if at < len(self.lattice) and self.lattice.tokens[at].text in ("and", ","):
+        if self.lattice.text(at) in ("and", ","):
             at, cost = at + 1, 0.3
         for more in sorted(self.chart.relations(at), key=lambda more: more.cost)[:MOST_JOINED]:
-            kinds = {place.name + str(place.value) * (place.name == "direction") for place in item.value}
-            if (
-                says_where(more.value)
-                and more.value.name + str(more.value.value) * (more.value.name == "direction") not in kinds
-            ):
+            if says_where(more.value) and _way(more.value) not in map(_way, item.value):
                 total = item.cost + cost + more.cost
                 found.append(Item(more.end, (*item.value, more.value), total, item.skipped | more.skipped))
         return found
@@ -593,6 +583,11 @@ def is_several(entity: Entity) -> bool:
 def _placed_in_part(entity: Entity) -> bool:
     """Return whether another than the last thing of a list has a place, as if each had one: "X on Y, Z on W"."""
     return entity.kind == "list" and any(part.relations for part in entity.parts[:-1])
+
+
+def _way(place: RelationPhrase) -> str:
+    """Return the kind of a place, of which a clause has one: a relation or a direction."""
+    return f"direction {place.value}" if place.name == "direction" else place.name
 
 
 def _as_place(item: Item) -> Item:

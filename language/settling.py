@@ -18,9 +18,10 @@ from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner
 from language.referents import color_fits
-from language.scanning import Token
+from language.scanning import Token, text_of
 from language.sentences import readings
 from language.several import GRIPS_ONE
+from language.spots import pinned
 from language.steps import Draft, allows, reached
 from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
@@ -189,7 +190,7 @@ def _changes_roles(close: list[Choice], planner: Planner) -> bool:
     movers = {c.plan.mover for c in close}
     if other is None or len(close) != 2 or len(movers) != 2:
         return False
-    resolver = planner.resolver(planner.world, (), None)
+    resolver = planner.resolver(planner.world, ())
     return {ref.things[-1] for ref in resolver.resolve(replace(other, other=False)) if len(ref.things) == 1} == movers
 
 
@@ -217,8 +218,7 @@ def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> 
     contradicted = [c for c in whole if _shown(c.plan) or c.cost < top.cost or _is_so(c)]
     if contradicted:  # "take this cube" of a sphere
         return refused(sentence, found._replace(failed=contradicted), world)
-    words = " ".join(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in strange[:3])
-    return _unknown(sentence, words, top.plan, lattice, world)
+    return _unknown(sentence, strange, top.plan, lattice, world)
 
 
 def _shown(plan: Draft) -> tuple[int, ...]:
@@ -228,7 +228,13 @@ def _shown(plan: Draft) -> tuple[int, ...]:
     return plan.entity.pointed.things
 
 
-def _unknown(sentence: str, words: str, plan: Draft, lattice: Lattice, world: WorldModel) -> Refusal:
+def _typed(sentence: str, lattice: Lattice, indices: Sequence[int]) -> tuple[str, ...]:
+    """Return some words as they were typed."""
+    return tuple(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in indices)
+
+
+def _unknown(sentence: str, strange: Sequence[int], plan: Draft, lattice: Lattice, world: WorldModel) -> Refusal:
+    words = " ".join(_typed(sentence, lattice, strange[:3]))
     asked = f", only {said(world, plan.steps)}" if plan.steps and not plan.failure else ""
     tokens = [token.text for token in lattice.tokens]
     text = _below(tokens) or f"I am not sure what you mean by {words!r}{asked}"
@@ -299,8 +305,7 @@ def _telling_cost(choice: Choice) -> float:
 
 def understood(sentence: str, choice: Choice, lattice: Lattice, world: WorldModel, following: float = math.inf) -> Plan:
     """Return the outcome of a plan. following: the cost of the next best one."""
-    tokens = lattice.tokens
-    unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in choice.reading.unused)
+    unused = _typed(sentence, lattice, choice.reading.unused)
     gap = 1.0 if choice.plan.arbitrary else 1.0 - 0.5 * math.exp(-(following - choice.cost) / costs.CLOSE)
     confidence = min(1.0, round(gap * math.exp(-choice.cost / costs.DOUBT), 3))
     notes = (*choice.plan.notes, *_loose_colors(choice, world))
@@ -332,11 +337,8 @@ def _asked(sentence: str, rivals: list[Choice], found: Choices, world: WorldMode
     if len(candidates) == len(outcomes):
         text = _one_fits(outcomes, rivals[0], world) + which(world, candidates)
     else:
-        goals = (
-            [c.plan.anchor for c in rivals]
-            if not world.cells
-            else [s.goal for o in outcomes for s in o.steps if s.carries]
-        )
+        goals = [s.goal for o in outcomes for s in o.steps if s.carries]
+        goals = goals if world.cells else [c.plan.anchor for c in rivals]
         differing = tuple(dict.fromkeys(i for i in goals if i is not None))
         ways = list(dict.fromkeys(said(world, o.steps) for o in outcomes))[:MOST_NAMED]
         text = f"Shall I {listed(ways, 'or')}, or something else?"
@@ -358,11 +360,7 @@ def _one_fits(outcomes: Sequence[Plan], choice: Choice, world: WorldModel) -> st
 def which(world: WorldModel, candidates: Sequence[int]) -> str:
     """Return the question which of some things is meant: three at most are named."""
     names = [name(world, i) for i in candidates[:MOST_NAMED]]
-    return (
-        (f"Do you mean {', '.join(names)}, or something else?")
-        if len(names) > 1
-        else (f"Do you mean {names[0]}, or something else?")
-    )
+    return f"Do you mean {', '.join(names)}, or something else?"
 
 
 def _doubted(sentence: str, found: Choices, world: WorldModel) -> Outcome:
@@ -393,28 +391,18 @@ def refused(sentence: str, found: Choices, world: WorldModel) -> Outcome:
 
 def _reason(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> Outcome:
     """Return why the likeliest plan cannot be carried out, or a question for what it leaves open."""
-    plan, tokens = top.plan, lattice.tokens
+    plan = top.plan
     span = _span(plan.entity, lattice, sentence)
-    unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in top.reading.unused)
+    unused = _typed(sentence, lattice, top.reading.unused)
     strange = [i for i in top.reading.unused if i in lattice.unknown]
-    part, words = sentence[slice(*span)], [token.text for token in tokens]
+    part, words = sentence[slice(*span)], [token.text for token in lattice.tokens]
     if strange and plan.reason != "never" and not world.cells:
-        return _unknown(
-            sentence, " ".join(sentence[tokens[i].start : tokens[i].end] for i in strange[:3]), plan, lattice, world
-        )
+        return _unknown(sentence, strange, plan, lattice, world)
     if plan.reason == "where":
         return _where(sentence, top, unused, span, world)
     if plan.reason == "several":
-        return Question(
-            sentence,
-            0.0,
-            unused,
-            span,
-            which(world, plan.candidates),
-            plan.candidates,
-            _each_way(sentence, top, lattice, world),
-            top.reading,
-        )
+        ways, text = _each_way(sentence, top, lattice, world), which(world, plan.candidates)
+        return Question(sentence, 0.0, unused, span, text, plan.candidates, ways, top.reading)
     if plan.reason == "what":
         return _what(sentence, top, unused, span, world, words)
     if plan.reason == "never":
@@ -444,13 +432,8 @@ def _rank(choice: Choice) -> float:
     mixed = 0.8 * (choice.plan.reason == "nothing" and entity is not None and len(entity.colors) > 1)
     unturnable = 2.0 * (choice.plan.failure == "unturnable")  # rather "push it" without a place
     unnamed = 0.6 * (choice.plan.reason == "nothing" and choice.reading.steps[-1].verb is None)  # rather a command
-    return (
-        unturnable
-        + mixed
-        + unnamed
-        + _telling_cost(choice)
-        + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "which": 0.6}.get(choice.plan.reason, 0.0)
-    )
+    unclear = {"what": 1.2, "place": 0.8, "nowhere": 0.3, "which": 0.6}.get(choice.plan.reason, 0.0)
+    return unturnable + mixed + unnamed + _telling_cost(choice) + unclear
 
 
 def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
@@ -485,7 +468,7 @@ def _is_like(world: WorldModel, index: int, entity: Entity) -> bool:
 def _cannot(choice: Choice, lattice: Lattice) -> str:
     clause = next((c for c in choice.reading.steps if c.act is Act.NEVER), None) or choice.reading.steps[-1]
     tokens = lattice.tokens[slice(*clause.span)] or lattice.tokens
-    words = " ".join(token.text for token in tokens[:9])
+    words = text_of(tokens[:9])
     if not any("verb" in edges for edges in lattice.edges):  # of the sentence before
         words = f"do that with {name(choice.plan.world, choice.plan.mover or 0)}"
     why = "no arm of this kind does that"
@@ -514,10 +497,8 @@ def _what(
         text = f"What do you mean by {word!r}, and what shall I do? Name a thing, or point at one"
         return Question(sentence, 0.0, unused, span, text)
     if things and plan.topic is not None:
-        text = (
-            f"What shall I do with {name(world, things[0])}? For example: "
-            f"{' or '.join(repr(each) for each in said_now)}"
-        )
+        examples = " or ".join(repr(each) for each in said_now)
+        text = f"What shall I do with {name(world, things[0])}? For example: {examples}"
         return Question(sentence, 0.0, unused, span, text, tuple(things), reading=None)
     text = f"I do not see what I shall do about '{' '.join(words[:8])}'"
     return Refusal(sentence, 0.0, unused, span, "syntax", text, said_now)
@@ -561,14 +542,13 @@ def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -
 
 def _with(step: Clause, entity: Entity | None, index: int) -> Clause:
     named = step.entity is entity and entity is not None
-    return replace(step, entity=Entity(pointed=Gesture((index,)))) if named else step
+    return replace(step, entity=pinned(index)) if named else step
 
 
 def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
     """Return the refusal of a sentence without any reading."""
-    tokens = lattice.tokens
-    words = [token.text for token in tokens]
-    strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown) if words[i] not in PLAIN]
+    words = [token.text for token in lattice.tokens]
+    strange = _typed(sentence, lattice, [i for i in sorted(lattice.unknown) if words[i] not in PLAIN])
     if strange:
         many = f"I do not know the words {' '.join(strange[:5])!r}"
         text = _below(words) or (f"I do not know the word {strange[0]!r}" if len(strange) == 1 else many)

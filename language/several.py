@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from language import costs
 from language.chart import is_mutual
 from language.free_spots import GRID, SHARES, clear_of
-from language.meanings import Clause, Entity, Gesture, RelationPhrase
+from language.meanings import Clause, Entity, RelationPhrase
 from language.movers import Movers
 from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import thing_ref
-from language.revising import pinned
-from language.spots import Point, Spot, a_name, place_at, settle
-from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle
+from language.spots import Point, Spot, a_name, along, pinned, place_at, point_at, settle
+from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle, topmost
 from language.verbs import Act, doing
 from language.words import ENCLOSING
 from language.world import WorldModel
@@ -149,7 +148,7 @@ class Several(Movers):
             entity, things = replace(entity, every=not few), things if few else spoken or things
         if wanted and len(things) > wanted and not entity.every:
             if plan.arbitrary or entity.any:
-                things.sort(key=lambda i: (bool(obstacle(world, (i,))), i in world.inside, world.things[i].x))
+                things.sort(key=lambda i: (bool(obstacle(world, i)), i in world.inside, world.things[i].x))
                 return things[:wanted]
             return replace(
                 plan, failure=f"{len(things)} things fit", reason="several", entity=entity, candidates=tuple(things)
@@ -160,9 +159,8 @@ class Several(Movers):
         """Return the things of a list, one for each of its phrases, or the plan that says why one is not found."""
         found = []
         for part in entity.parts:
-            drafts = list(
-                self._movers(plan if part.kind == "it" else replace(plan, it=()), replace(clause, entity=part))
-            )
+            start = plan if part.kind == "it" else replace(plan, it=())
+            drafts = list(self._movers(start, replace(clause, entity=part)))
             good = [each for each in drafts if not each.failure and each.mover is not None]
             if not good:
                 return drafts[0]
@@ -212,12 +210,8 @@ class Several(Movers):
         rest = rest if number is None else rest[: max(number - sum(map(len, ends.values())), 0)]
         middle = max((len(rest) + sum(map(len, ends.values())) - 1) // 2 - len(ends["first"]), 0)
         rest[middle:middle] = ends["middle"]
-        last = (
-            ends["last"]
-            if orders and any(each.anchors and each.anchors[0].parts for each in orders)
-            else ends["last"][::-1]
-        )
-        return [*ends["first"], *rest, *last]
+        parted = any(each.anchors and each.anchors[0].parts for each in orders)
+        return [*ends["first"], *rest, *(ends["last"] if parted else ends["last"][::-1])]
 
     def _counts_carried(self, entity: Entity) -> bool:
         """Whether "all three" are as many as were put somewhere one after the other."""
@@ -251,16 +245,14 @@ class Several(Movers):
         if entity is None:
             named = list(plan.it)
         else:
-            some = self._several(
-                plan, clause, replace(entity, every=True) if entity.kind == "thing" and entity.plural else entity
-            )
+            every = entity.kind == "thing" and entity.plural
+            some = self._several(plan, clause, replace(entity, every=True) if every else entity)
             if isinstance(some, Draft):
                 return some
             named = some
         if len(named) != 2:
-            return replace(
-                plan, failure=("two things change places, no more and no less"), reason="impossible", entity=entity
-            )
+            failure = "two things change places, no more and no less"
+            return replace(plan, failure=failure, reason="impossible", entity=entity)
         one, other = named
         first, second = (self._location(plan.world, each) for each in named)
         plan = self._ready(plan)
@@ -334,9 +326,8 @@ class Several(Movers):
                 plan, failure=f"a {'stack' if stacks else 'row'} needs two things", reason="impossible", entity=entity
             )
         pair = not (stacks or orders or clause.places) and len(ordered) == 2
-        beside = (
-            [self._placed_once(plan, i, (place_at(j, "near"),)) for i, j in (ordered, ordered[::-1])] if pair else []
-        )
+        ways = (ordered, ordered[::-1]) if pair else ()
+        beside = [self._placed_once(plan, i, (place_at(j, "near"),)) for i, j in ways]
         done = next((draft for draft in beside if not draft.failure), None)
         done = done or (self._stacked if stacks else self._lined)(plan, ordered, clause.places)
         arbitrary = plan.arbitrary or bool(entity.number)
@@ -383,9 +374,8 @@ class Several(Movers):
     def _rank(self, world: WorldModel, index: int, stacks: bool) -> tuple[float, ...]:
         """Return what sorts things whose order is not said: by the tower they are in, or from left to right."""
         thing = world.things[index]
-        dx, dy = world.toward("left")
         if not stacks:
-            return -(dx * thing.x + dy * thing.y), thing.bottom
+            return -along(world, "left")(thing), thing.bottom
         column = world.column(thing.x, thing.y) if world.is_loose(index) and index not in world.inside else []
         return -len(column) if len(column) > 1 else 0, thing.x, thing.y, thing.bottom
 
@@ -402,9 +392,8 @@ class Several(Movers):
 
     def _cleared(self, plan: Draft, index: int) -> Draft:
         """Return the plan with nothing on a thing."""
-        while (over := plan.world.above[index]) is not None and not plan.failure:
-            while (upper := plan.world.above[over]) is not None:
-                over = upper
+        while plan.world.above[index] is not None and not plan.failure:
+            over = topmost(plan.world, index)
             plan = self._aside(plan, over, f"I put {a_name(plan.world, over)} on the table first")
         return plan
 
@@ -419,7 +408,7 @@ class Several(Movers):
             if plan.world.above[below] == index or plan.failure:
                 continue
             plan = self._cleared(self._cleared(plan, below), index)
-            plan = self._placed_once(plan, index, (RelationPhrase("on", (Entity(pointed=Gesture((below,))),)),))
+            plan = self._placed_once(plan, index, (place_at(below, "on"),))
         if not plan.failure:
             plan = self._cleared(plan, things[-1])
         if len(plan.steps) == before and not plan.failure:
@@ -483,9 +472,7 @@ class Several(Movers):
             if plan.world.is_on_ground(index) and math.dist(plan.world.things[index][2:4], (x, y)) < 1e-6:
                 continue
             plan = self._cleared(plan, index)
-            plan = self._placed_once(
-                plan, index, (RelationPhrase("here", (Entity("spot", pointed=Gesture((), (x, y))),)),)
-            )
+            plan = self._placed_once(plan, index, (point_at(x, y),))
         return plan
 
 
@@ -524,9 +511,7 @@ def row_spots(
     (x0, x1, y0, y1), (dx, dy) = world.bounds, toward
     width = max(world.things[i].width for i in things)
     step, grid = (world.pitch, 1.0) if world.cells else (SHARES[False][0] * width + GRID, GRID)
-    standing = [
-        i for i in range(len(world.things)) if i != world.held and i not in world.inside and world.below[i] is None
-    ]
+    standing = [i for i in range(len(world.things)) if world.is_on_ground(i)]
     standing = [i for i in standing if world.is_loose(i) or world.covers(*world.things[i][2:4])]
     length = step * (len(things) - 1)
     xs, ys = (np.arange(a, b + 1e-6, grid) for a, b in ((x0, x1), (y0, y1)))

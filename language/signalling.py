@@ -50,10 +50,9 @@ _REPEATS = re.compile(
     rf"(?: {_ONCE_MORE})?|(?:do|run|perform|execute|try|make) (?:(?:exactly )?(?:{_DEED}|{_DID}|it|that|this))"
     rf"(?: {_JUST_NOW})? {_ONCE_MORE})$"
 )
-_REST = (
-    r"(?:home|(?:(?:your|its) )?(?:(?:home|start|starting|initial|original|resting|rest|neutral|default|parking|base"
-    r"|first) )(?:position|pose|point|place|posture|location|spot))"
-)
+STARTING = "start|starting|initial|original|resting|rest|neutral|default|parking|base|first"
+PLACES = "position|pose|point|place|posture|location"  # that are the STARTING ones, where the arm rests
+_REST = rf"(?:home|(?:(?:your|its) )?(?:home|{STARTING}) (?:{PLACES}|spot))"
 _ARM = r"(?:(?:your|robot|yourself) ?)?(?:arm|gripper|hand|yourself)?"
 _GOES_HOME = re.compile(
     rf"^(?:(?:please|now|and|then) )*(?:(?:go|move|come|return|get|drive|bring|put|take|let|have)(?: {_ARM})?"

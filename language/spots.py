@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -55,9 +55,19 @@ class Point(NamedTuple):
     group: int = 0
 
 
+def pinned(index: int) -> Entity:
+    """Return a phrase for one thing."""
+    return Entity(pointed=Gesture((index,)))
+
+
 def place_at(index: int, name: str) -> RelationPhrase:
     """Return the place that has a relation to one thing. name: of the relation."""
-    return RelationPhrase(name, (Entity(pointed=Gesture((index,))),))
+    return RelationPhrase(name, (pinned(index),))
+
+
+def point_at(x: float, y: float) -> RelationPhrase:
+    """Return the place at a point, as if a gesture showed it."""
+    return RelationPhrase("here", (Entity("spot", pointed=Gesture((), (x, y))),))
 
 
 def says_top(place: RelationPhrase) -> bool:
@@ -77,12 +87,10 @@ def settle(world: WorldModel, mover: int, point: Point) -> Spot:
             why = "that is what shall be moved"
         return Spot(x, y, world.ground, None, cost, why)
     under = world.things[top]
+    name = f"the {under.color} {under.kind}"
     if point.on is not None and point.on != top:
         covered = world.things[point.on]
-        return Spot(
-            x, y, under.top, top, cost, f"the {covered.color} {covered.kind} is under the {under.color} {under.kind}"
-        )
-    name = f"the {under.color} {under.kind}"
+        return Spot(x, y, under.top, top, cost, f"the {covered.color} {covered.kind} is under {name}")
     if point.on is None:
         cost += costs.OCCUPIED if point.free else 0.0
     if under.kind not in FLAT:
@@ -178,6 +186,17 @@ def half_of(world: WorldModel, things: Sequence[Any], sides: tuple[str, ...]) ->
     return [each for each in things if dx * (each.x - x) + dy * (each.y - y) > least]
 
 
+def along(world: WorldModel, side: str) -> Callable[[Any], float]:
+    """Return a function of how far something with x and y is toward a side."""
+    dx, dy = world.toward(side)
+    return lambda each: dx * each.x + dy * each.y
+
+
+def middle_of(world: WorldModel, things: Sequence[Any]) -> Any:
+    """Return the one of some things, each with x and y, that is in the middle from left to right."""
+    return sorted(things, key=along(world, "left"))[len(things) // 2]
+
+
 def extent(world: WorldModel, index: int) -> float:
     """Return how large a thing is, in metres: its width; containers are larger than what fits in them."""
     return 1.0 if index in world.containers else round(world.things[index].width, 3)
@@ -198,9 +217,8 @@ def length_of(world: WorldModel, measure: Measure | None, default: float) -> flo
 def end_of_reach(world: WorldModel, thing: Thing, dx: float, dy: float) -> str:
     """Return how far a thing can move in a direction, as the reason why it moves no further."""
     (x0, x1, y0, y1) = world.bounds
-    rooms = [x1 - thing.x if dx > 0 else thing.x - x0] * bool(dx) + [y1 - thing.y if dy > 0 else thing.y - y0] * bool(
-        dy
-    )
+    rooms = [x1 - thing.x if dx > 0 else thing.x - x0] * bool(dx)
+    rooms += [y1 - thing.y if dy > 0 else thing.y - y0] * bool(dy)
     return f"my reach ends after {100 * max(min(rooms), 0.0):.0f} cm that way"
 
 

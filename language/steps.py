@@ -14,7 +14,7 @@ from language.objects import HAND
 from language.outcomes import Step
 from language.places import _anywhere, _Wish, free_spot, spots
 from language.referents import Resolver
-from language.spots import Point, Rest, Spot, a_name, old_place, place_at, says_top, settle
+from language.spots import Point, Rest, Spot, a_name, old_place, place_at, point_at, says_top, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
 from language.world import AT_END, FIXED, WorldModel
 
@@ -87,7 +87,7 @@ class Steps:
         self,
         world: WorldModel,
         it: tuple[int, ...],
-        origin: int | None,
+        origin: int | None = None,
         mentioned: tuple[int, ...] = (),
         box: int | None = None,
     ) -> Resolver:
@@ -113,7 +113,7 @@ class Steps:
         return act is Act.EMPTY and not world.contents(index)
 
     def _is_box(self, plan: Draft, entity: Entity) -> bool:
-        refs = self.resolver(plan.world, plan.it, None).resolve(entity) if entity.kind in ("thing", "person") else []
+        refs = self.resolver(plan.world, plan.it).resolve(entity) if entity.kind in ("thing", "person") else []
         return bool(refs) and all(ref.kind == "person" or ref.things[-1] in plan.world.containers for ref in refs)
 
     def _allowed(self, plan: Draft, forbidden: list[Clause]) -> Draft:
@@ -121,7 +121,7 @@ class Steps:
         for clause in forbidden:
             entity = clause.entity
             spoken = entity is None or entity.kind == "it"
-            refs = [] if spoken or entity is None else self.resolver(self.world, self.it, None).resolve(entity)
+            refs = [] if spoken or entity is None else self.resolver(self.world, self.it).resolve(entity)
             things = {i for ref in refs for i in ref.things}
             for step in plan.steps:
                 same = step.act is clause.act or (clause.act is Act.LOWER and step.carries)
@@ -177,8 +177,8 @@ class Steps:
                 return Act.OPEN
             if lid and (act is Act.LOWER or (act is Act.CARRY and down)):
                 return Act.SHUT
-            inward = any(each.name == "into" or each.value in ("backward", "forward") for each in clause.places)
-            if inward and verb.pulls:
+            pushed = any(each.name == "into" or each.value in ("backward", "forward") for each in clause.places)
+            if pushed and verb.pulls:
                 return Act.SHUT if verb.pulls is Act.SHUT else Act.OPEN
             return verb.pulls if verb.pulls is not None and not placed else None
         return None
@@ -209,18 +209,12 @@ class Steps:
         """Return the plan with the gripper empty or holding the thing, and with the thing's container open."""
         held = plan.world.held
         if held is not None and held != index and not plan.world.cells:
-            plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
+            plan = self._aside(plan, held, f"I put {a_name(plan.world, held)} down first")
         if index is not None and index in plan.world.inside and not plan.failure:
             box = plan.world.inside[index]
             if box in plan.world.containers and box not in plan.world.open:
                 plan = self._opened_first(plan, box)
         return plan
-
-    def _laid_down(self, plan: Draft, note: str) -> Draft:
-        """Return the plan with what is held on the table."""
-        held = plan.world.held
-        assert held is not None
-        return self._aside(plan, held, note)
 
     def _aside(self, plan: Draft, index: int, note: str) -> Draft:
         """Return the plan with a thing at a free spot of the table."""
@@ -310,7 +304,7 @@ class Steps:
             if plan.failure:
                 yield plan
                 return
-        places = self._places(clause, plan, index)
+        places = self._places(clause, plan)
         board = places and all(anchor.kind == "board" for each in places for anchor in each.anchors or (Entity("it"),))
         if board and not world.cells and world.is_on_ground(index) and self._moved(plan, index):
             yield plan  # it was put on the table by an earlier step
@@ -319,7 +313,7 @@ class Steps:
             (each for each in places if each.name == "under" and each.anchors and each.anchors[0].kind == "thing"), None
         )
         if under is not None and not world.cells and act is Act.CARRY:
-            yield from self._beneath(plan, clause, under, index)
+            yield from self._beneath(plan, under, index)
         elif act in TAKING and not places:
             spoken = clause.entity is None or clause.entity.kind == "it"
             if held and spoken and self._moved(plan, index):
@@ -356,14 +350,12 @@ class Steps:
     def _made_takeable(self, plan: Draft, index: int) -> Draft:
         """Return the plan with a thing free to be taken, or why it cannot be."""
         world = plan.world
-        why = obstacle(world, (index,))
+        why = obstacle(world, index)
         over = world.above[index]
         if over is not None and not world.cells and world.is_loose(index):
             plan = self._ready(plan)
-            top = over
-            while (above := plan.world.above[top]) is not None:
-                top = above
-            return self._aside(plan, top, f"{a_name(world, over)} stands on it, so I put that on the table first")
+            note = f"{a_name(world, over)} stands on it, so I put that on the table first"
+            return self._aside(plan, topmost(plan.world, over), note)
         if why or (world.held is not None and world.cells):
             full = "" if world.held is None else f"my gripper holds {a_name(world, world.held)} already"
             return replace(plan, failure=why or full, reason="impossible", candidates=(index,))
@@ -377,7 +369,7 @@ class Steps:
         said = verb is not None and KNOWN[verb].act in (Act.TAKE, Act.HOLD)
         return self._added(plan, Step(verb if said and verb else bringing("up"), index))
 
-    def _places(self, clause: Clause, plan: Draft, index: int) -> tuple[RelationPhrase, ...]:
+    def _places(self, clause: Clause, plan: Draft) -> tuple[RelationPhrase, ...]:
         """Return where the clause says that the thing goes; without what says where it comes from."""
         places = tuple(each for each in clause.places if each.name != "from" or plan.world.cells or each.measure)
         if len(places) > 1 and places[0].name == "here" and not places[0].anchors:  # "over there, by the red one"
@@ -400,9 +392,9 @@ class Steps:
         down = RelationPhrase("direction", value="down")
         yield from self._placed(plan, clause, index, (down,))
 
-    def _beneath(self, plan: Draft, clause: Clause, under: RelationPhrase, index: int) -> Iterator[Draft]:
+    def _beneath(self, plan: Draft, under: RelationPhrase, index: int) -> Iterator[Draft]:
         """Yield the plans that put one thing under another one: the other goes on top of it."""
-        for ref in self.resolver(plan.world, plan.it, None).resolve(under.anchors[0]):
+        for ref in self.resolver(plan.world, plan.it).resolve(under.anchors[0]):
             other = ref.things[-1] if ref.things else None
             if other is None or not plan.world.is_loose(other) or other == index:
                 continue
@@ -478,7 +470,7 @@ class Steps:
         below, thing = self.world.below[moved], self.world.things[moved]
         if below is not None:
             return place_at(below, "on")
-        return RelationPhrase("here", (Entity("spot", pointed=Gesture((), (thing.x, thing.y))),))
+        return point_at(thing.x, thing.y)
 
     def _put(self, plan: Draft, clause: Clause, index: int, spot: Spot) -> Draft:
         """Return the plan with a thing taken, unless it is held, and put at a spot."""
@@ -509,13 +501,8 @@ class Steps:
         step = Step(verb, index, spot.anchor if on is None and marked else on, (spot.x, spot.y), spot.bottom)
         notes = tuple(dict.fromkeys((*plan.notes, spot.note))) if spot.note else plan.notes
         box = on if on in plan.world.containers else plan.box
-        return replace(
-            self._added(plan, step),
-            cost=plan.cost + cost,
-            notes=notes,
-            box=box,
-            anchor=spot.anchor if on is None else on,
-        )
+        anchor = spot.anchor if on is None else on
+        return replace(self._added(plan, step), cost=plan.cost + cost, notes=notes, box=box, anchor=anchor)
 
     def _verb(self, world: WorldModel, clause: Clause, goal: int | None) -> str:
         """Return the verb of a step that brings something somewhere."""
@@ -540,18 +527,22 @@ class Steps:
         return index != self.world.held and away < close
 
 
-def obstacle(world: WorldModel, things: tuple[int, ...]) -> str:
+def obstacle(world: WorldModel, index: int) -> str:
     """Return why a thing cannot be taken, or ""."""
-    if not things:
-        return "that is no thing"
-    thing = world.things[things[0]]
-    over = world.above[things[0]]
+    thing, over = world.things[index], world.above[index]
     if over is not None:
         upper = world.things[over]
         return f"the {thing.color} {thing.kind} is under the {upper.color} {upper.kind}"
     if thing.kind in FIXED:
         return f"the {thing.color} {thing.kind} is fixed"
     return f"the see-through {thing.kind} only marks a place" if thing.target else ""
+
+
+def topmost(world: WorldModel, index: int) -> int:
+    """Return what stands above all in the tower of a thing."""
+    while (over := world.above[index]) is not None:
+        index = over
+    return index
 
 
 def stacked_last(plan: Draft) -> int | None:
@@ -595,6 +586,9 @@ def finished(plan: Draft) -> Draft:
     """Return the plan, or why it is none: a phrase still waits for its verb."""
     if not plan.failure and not plan.steps and plan.notes:
         return replace(plan, failure=plan.notes[0], reason="already")
-    if not plan.failure and plan.topic is not None:
-        plan = replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
-    return plan
+    return plan if plan.failure or plan.topic is None else unsaid(plan, plan.topic)
+
+
+def unsaid(plan: Draft, topic: Clause) -> Draft:
+    """Return that it is not said what to do with a phrase."""
+    return replace(plan, failure="it is not said what to do with it", reason="what", entity=topic.entity)

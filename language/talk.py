@@ -22,6 +22,7 @@ BESIDE = 3.0  # widths of a thing from its middle within which another one is ne
 WAYS = {"left": "to the left", "right": "to the right", "far": "away from {}", "near": "towards {}"}
 BACK = 0.03  # metres within which a thing is back where it was
 FEW_CELLS = 3  # that a move is told by
+MOST_OFFERED = 2  # sentences that can be said instead
 MOST_NAMED = 3  # things that a question offers by name
 
 
@@ -62,14 +63,9 @@ def name(world: WorldModel, index: int) -> str:
     if same:
         order = sorted([*same, index], key=lambda i: -world.toward("left")[1] * world.things[i].y)
         place = order.index(index)
-        rank = (
-            "left"
-            if place == 0
-            else "right"
-            if place == len(order) - 1
-            else (f"{('second', 'third')[min(place - 1, 1)]} from the left")
-        )
-        return f"the {rank} {thing.color} {thing.kind}" if place in (0, len(order) - 1) else f"{plain} that is {rank}"
+        if place in (0, len(order) - 1):
+            return f"the {'right' if place else 'left'} {thing.color} {thing.kind}"
+        return f"{plain} that is {'second' if place == 1 else 'third'} from the left"
     return plain
 
 
@@ -123,11 +119,9 @@ def _step(world: WorldModel, step) -> str:
     if step.carries and step.goal is None:
         return f"put {thing} {spot_words(world, step)}"
     phrase = template.replace("{object}", thing)
-    return (
-        phrase.replace("{base}", a_name(world, step.goal))
-        if step.goal is not None
-        else phrase.replace(" {base}", "").replace(" {goal}", "")
-    )
+    if step.goal is not None:
+        return phrase.replace("{base}", a_name(world, step.goal))
+    return phrase.replace(" {base}", "").replace(" {goal}", "")
 
 
 def spot_words(world: WorldModel, step) -> str:
@@ -147,10 +141,8 @@ def spot_words(world: WorldModel, step) -> str:
         if 0 < cells <= FEW_CELLS:
             return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side].format(_viewer(world))}"
     if not world.cells and max(abs(dx), abs(dy)) < 0.13 and not moved and world.below[step.object] is None:
-        side = next(
-            (s for s in WAYS if _along(world, s, dx, dy) >= 0.8 * max(abs(dx), abs(dy), 1e-9)),
-            "left",
-        )
+        most = 0.8 * max(abs(dx), abs(dy), 1e-9)
+        side = next((side for side in WAYS if _along(world, side, dx, dy) >= most), "left")
         return f"{WAYS[side].format(_viewer(world))} by {100 * max(abs(dx), abs(dy)):.0f} cm"
     near = sorted(
         (i for i, other in enumerate(world.things) if i != step.object and not other.target),
@@ -215,18 +207,14 @@ def where(world: WorldModel, index: int) -> str:
 # ---- What can be said
 
 
-def offers(world: WorldModel, words: Sequence[str] = (), most: int = 2) -> tuple[str, ...]:
+def offers(world: WorldModel, words: Sequence[str] = ()) -> tuple[str, ...]:
     """Return sentences that can be carried out now, those that share most words with what was said first."""
     found = list(dict.fromkeys(_sayable(world)))
-    wanted = {
-        word
-        for word in words
-        if word not in FILLERS and word not in ("a", "an", "in", "on", "of", "it", "to", "and", "cube")
-    }
+    wanted = {*words} - FILLERS - {"a", "an", "in", "on", "of", "it", "to", "and", "cube"}
     order = sorted(found, key=lambda text: (-len(wanted & {token.text for token in scan(text)}), found.index(text)))
     kept: list[str] = []
     for text in order:
-        if len(kept) < most and (world.only or text.split()[0] not in {each.split()[0] for each in kept}):
+        if len(kept) < MOST_OFFERED and (world.only or text.split()[0] not in {each.split()[0] for each in kept}):
             kept.append(text)
     return tuple(kept)
 
@@ -284,35 +272,29 @@ def _objects(world: WorldModel) -> list[int]:
 
 def abilities(world: WorldModel) -> str:
     """Return what can be done in this world, in a sentence."""
+    shown = " or ".join(repr(each) for each in offers(world))
     if world.only is not None:
         things = listed([a_name(world, i) for i in _objects(world)])
         verb = "reach for" if KNOWN[world.only].act is Act.TOUCH else world.only
-        shown = " or ".join(repr(each) for each in offers(world))
         return f"In this scene I can {verb} {things}, and do nothing else. Say, for example: {shown}"
     can = ["pick things up", "put them somewhere", "stack them"]
     can += ["open and close " + listed([a_name(world, i) for i in world.containers])] if world.containers else []
     can += ["put things in and take them out"] if world.containers else []
-    can += [
-        f"{verb} {a_name(world, i)}"
-        for verb, noun in DEVICE_VERBS.items()
-        for i in world.devices
-        if world.things[i].kind == noun
-    ]
+    verbs = ((verb, i) for verb, noun in DEVICE_VERBS.items() for i in world.devices if world.things[i].kind == noun)
+    can += [f"{verb} {a_name(world, i)}" for verb, i in verbs]
     can += ["hand you things"] if world.hand is not None else []
-    return (
-        f"I can reach for things, {listed(can)}. Say, for example: {' or '.join(repr(each) for each in offers(world))}"
-    )
+    return f"I can reach for things, {listed(can)}. Say, for example: {shown}"
 
 
 # ---- What questions are about
 
 
-def phrase(world: WorldModel, planner, tokens: list[Token], start: int = 0) -> tuple[Entity | None, list[Ref]]:
+def phrase(world: WorldModel, planner, tokens: list[Token]) -> tuple[Entity | None, list[Ref]]:
     """Return the longest phrase for things in some words, and its referents."""
     lattice = Lattice(tokens, table=not world.cells)
     chart = Chart(lattice, planner.judge)
     best: tuple[float, Entity | None] = (0.0, None)
-    for at in range(start, len(lattice)):
+    for at in range(len(lattice)):
         for item in chart.entities(at):
             if item.value.kind in ("thing", "stack", "it", "spot") and not item.skipped:
                 odd = item.cost - costs.EMPTY if item.cost >= costs.EMPTY else item.cost

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from language.scanning import COLOR, Token
+from language.scanning import COLOR, Token, text_of
 
 _YOU = r"(?:you|robot|yourself|your (?:base|body|arm)|where you (?:are|stand|sit)|arm)"
 _TABLE = r"(?:(?:table|desk|board|counter|bench|worktop)(?: top)?)"
@@ -129,7 +129,7 @@ def _rewritten(
     found: list[Token], pattern: re.Pattern[str], said: Callable[[re.Match[str]], str | None]
 ) -> list[Token]:
     """Return the words with each match said in another way; one for which that is None stays."""
-    text = " ".join(token.text for token in found)
+    text = text_of(found)
     for match in reversed(list(pattern.finditer(text))):
         words = said(match)
         spoken = match[0].split()

@@ -20,38 +20,18 @@ GROUPS: dict[str, tuple[str, ...]] = {  # noun -> the kinds that it may mean
     "round": ("sphere", "cylinder", "wheel"),
 }
 ENCLOSING = (*FITTINGS, *GROUPS)  # nouns of what a thing can be in
-NUMBERS = {
-    word: float(number)
-    for number, word in enumerate(
-        ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-    )
-} | {
-    "couple": 2.0,
-    "couple of": 2.0,
-    "pair of": 2.0,
-    "few": 3.0,
-    "half": 0.5,
-    "dozen": 12.0,
-    "fifteen": 15.0,
-    "twenty": 20.0,
-}
-ORDINALS = {
-    "first": 1,
-    "second": 2,
-    "third": 3,
-    "fourth": 4,
-    "fifth": 5,
-    "1st": 1,
-    "2nd": 2,
-    "3rd": 3,
-    "4th": 4,
-    "5th": 5,
-}
 
 
 def phrases(text: str) -> list[str]:
     """Return the phrases of a table's entry, which commas separate."""
     return [phrase.strip() for phrase in text.split(", ")]
+
+
+_COUNTED = phrases("zero, one, two, three, four, five, six, seven, eight, nine, ten")
+_MORE = {"couple": 2, "couple of": 2, "pair of": 2, "few": 3, "half": 0.5, "dozen": 12, "fifteen": 15, "twenty": 20}
+NUMBERS = {word: float(number) for word, number in (*zip(_COUNTED, range(11), strict=True), *_MORE.items())}
+_RANKS = ("first 1st", "second 2nd", "third 3rd", "fourth 4th", "fifth 5th")
+ORDINALS = {word: rank for rank, words in enumerate(_RANKS, 1) for word in words.split()}
 
 
 def colors() -> dict[str, tuple[str, ...]]:
@@ -67,6 +47,11 @@ def nouns() -> dict[str, tuple[str, ...]]:
     for kind, text in THINGS.items():
         found[kind] = tuple(dict.fromkeys((*found.get(kind, ()), *phrases(text))))
     return found
+
+
+def names() -> set[str]:
+    """Return every word for a colour or a kind of thing."""
+    return {*colors(), *(noun for kinds in nouns().values() for noun in kinds)}
 
 
 def sizes() -> dict[str, str]:
