@@ -20,6 +20,7 @@ from language.words import CONTROLS, FILLERS, TABLE, colors, nouns, phrases
 
 MARKS = ".,;:!?"
 _JOINS = (",", "and", "then", ";")
+JOINING = frozenset(("and", "then", "another", "do", "now"))  # beside how often something is done once more
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
 _HOME = re.compile(
     r"\b(?:start|starting|initial|original|resting|rest|neutral|default|parking|base|first) "
@@ -121,7 +122,11 @@ def act_of(words: Sequence[str]) -> str | None:
     if (act := _act_of(words)) is not None or len(words) > MOST_OF_SIGNAL:
         return act
     act = _act_of(plain.split()) if (plain := plainest(said)) != said else None
-    return act if act in SIGNALS else None
+    if act in SIGNALS:
+        return act
+    praised = (end for end in range(len(words) - 1, 0, -1) if _act_of(words[:end]) == "social")
+    after = act_of(words[end:]) if (end := next(praised, 0)) else None  # "better, undo the last one"
+    return after if after in SIGNALS else None
 
 
 def _act_of(words: Sequence[str]) -> str | None:
@@ -359,6 +364,7 @@ _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
 _FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
 _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
 _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
+_STANDS = r"stands?|lies|sits?"
 _TASKS = r"(?:things|stuff|tasks|jobs)"
 _KINDS = rf"(?:(?:\w+ )?(?:cubes|blocks|bricks|devices|containers|boxes)|(?:{COLOR} )?(?:things|objects|ones|items))"
 _SOMEWHERE = (
@@ -367,6 +373,11 @@ _SOMEWHERE = (
 )
 _PERCEIVE = r"(?:do|can|have|could) (?:you|we|i) (?:see|have|got|find|spot|notice)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
+    (  # "of these two, which one is closer?"
+        r"(?:(?:out )?(?:of|from|between|among) )?([^,]+? (?:or|and) [^,]+?|(?<=of )[^,]+?) [,:] "
+        rf"(which|what|who)(?: (?:one|cube|block|of (?:them|these|those|two)))* (is|was|are|{_STANDS}) (.+)",
+        r"\2 of \1 \3 \4",
+    ),
     (r"what (?:does|would|will) (?:that|this) leave(?: (?:us|me))?(?: with)? ((?:on|in) .+)", r"what is \1"),
     (r"(which(?: \w+)?) (?:is|are) (?:still )?left(?: over)? ((?:on|in|inside) .+)", r"\1 are \2"),
     (
@@ -495,7 +506,7 @@ def question(text: str) -> str | None:
     if rest and len(first) > 2 and first not in (*WHAT, *STRANGERS) and (first, 0.0) not in spellings(first):
         near = [word for word in WHAT if OSA.distance(first, word) == 1]
         asked = f"{near[0]} {rest}" if near else asked  # "whre is it?"
-    asked = _EMPHASIS.sub(r"\1", asked)
+    asked = re.sub(r"^((?:which|what)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", asked))
     for pattern, plain in _IMPERATIVES:
         asked = re.sub(rf"^{pattern}$", plain, asked)
     if not _ASKING.search(asked) or _REQUESTING.match(asked):
