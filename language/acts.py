@@ -19,6 +19,7 @@ from language.signalling import PLACES, STARTING, plainest
 from language.words import CONTROLS, FILLERS, TABLE, names, phrases
 
 _JOINS = (",", "and", "then", ";")
+JOINING = frozenset(("and", "then", "another", "do", "now"))  # beside how often something is done once more
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
 _HOME = re.compile(rf"\b(?:{STARTING}) (?:{PLACES}|configuration|stance)\b")
 _A_BIT_BACK = re.compile(  # "too far, move it back a little"
@@ -100,7 +101,11 @@ def act_of(words: Sequence[str]) -> str | None:
     if (act := _act_of(words)) is not None or len(words) > MOST_OF_SIGNAL:
         return act
     act = _act_of(plain.split()) if (plain := plainest(said)) != said else None
-    return act if act in SIGNALS else None
+    if act in SIGNALS:
+        return act
+    praised = (end for end in range(len(words) - 1, 0, -1) if _act_of(words[:end]) == "social")
+    after = act_of(words[end:]) if (end := next(praised, 0)) else None  # "better, undo the last one"
+    return after if after in SIGNALS else None
 
 
 def _act_of(words: Sequence[str]) -> str | None:
@@ -333,7 +338,8 @@ _TAGGED = (  # without a comma not "and I want to have it"
 )
 _ASKER = r"(?:someone|everyone|my \w+|grand\w+|mum|mom|dad)"
 _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
-    r"^(who|what|where|why|how|which) (?:on earth|in (?:all )?(?:world|heaven)|hell|heck)\b"
+    r"^(who|what|where|why|how|which) (?:on earth|in (?:all )?(?:world|heaven)|hell|heck"
+    r"|exactly|precisely|actually|specifically|roughly)\b"
     r"|(?: ,)? if (?:i|you|we) (?:may|can|could|might) (?:ask|tell me|say)$"
     r"|(?: [,.])? (?:i|we) (?:can|could|do) not (?:see|find|spot|reach)(?: it| them)?(?: any\w+)?$"
     r"|(?<!done)(?<!did)(?: ,)? for (?:me|us)$"
@@ -341,6 +347,7 @@ _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
 _FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
 _HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
 _IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
+_STANDS = r"stands?|lies|sits?"
 _TASKS = r"(?:things|stuff|tasks|jobs)"
 _KINDS = rf"(?:(?:\w+ )?(?:cubes|blocks|bricks|devices|containers|boxes)|(?:{COLOR} )?(?:things|objects|ones|items))"
 _SOMEWHERE = (
@@ -349,6 +356,11 @@ _SOMEWHERE = (
 )
 _PERCEIVE = r"(?:do|can|have|could) (?:you|we|i) (?:see|have|got|find|spot|notice)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
+    (  # "of these two, which one is closer?"
+        r"(?:(?:out )?(?:of|from|between|among) )?([^,]+? (?:or|and) [^,]+?|(?<=of )[^,]+?) [,:] "
+        rf"(which|what|who)(?: (?:one|cube|block|of (?:them|these|those|two)))* (is|was|are|{_STANDS}) (.+)",
+        r"\2 of \1 \3 \4",
+    ),
     (r"what (?:does|would|will) (?:that|this) leave(?: (?:us|me))?(?: with)? ((?:on|in) .+)", r"what is \1"),
     (r"(which(?: \w+)?) (?:is|are) (?:still )?left(?: over)? ((?:on|in|inside) .+)", r"\1 are \2"),
     (
@@ -366,6 +378,16 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"(which (?!one\b.* or\b).+?) is (?:farther|further)(?: away)? from ([^,]+)", r"\1 is farthest from \2"),
     (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
     (r"((?:which|what|who|where)(?: one| ones| cube| block| thing)?) 's (.+)", r"\1 is \2"),
+    (r"(?:in|at|on) (?:what|which) (?:place|spot|location|position) (?:is|are) (.+)", r"where is \1"),
+    (r"(?:current |exact )?(?:location|position|whereabouts) of (.+)", r"where is \1"),
+    (r"contents? of (.+)", r"what is in \1"),
+    (r"what (?:can|could|may) be (?:found|seen) (.+)", r"what is \1"),
+    (r"(?:total )?number of (.+)", r"how many \1"),
+    (r"(how many \w+) (?:in|inside) (?:this |our )?(?:room|scene)", r"\1 are there"),
+    (r"(?:open or (?:closed|shut)|(?:closed|shut) or open) , (.+)", r"is \1 open"),
+    (r"([^,]+) is what colou?r", r"what colour is \1"),
+    (r"(?:what|how) about ([^,]+) , (where is|is|what is in|what is on|how is) it\b(.*)", r"\2 \1\3"),
+    (r"(?:do|can) you (?:see|know|tell|say) (?:if|whether) ([^,;]+?) (is|are) ([^,;]+)", r"\2 \1 \3"),
     (r"why you (?:do|would|could|can) not (.+)", r"why do not you \1"),
     (r"where (?:it is|they are) (.+)", r"where is \1"),
     (r"how much ((?:cubes|blocks|things|objects|pieces)\b.*)", r"how many \1"),
@@ -478,7 +500,7 @@ def question(text: str) -> str | None:
     if rest and len(first) > 2 and first not in (*WHAT, *STRANGERS) and (first, 0.0) not in spellings(first):
         near = [word for word in WHAT if OSA.distance(first, word) == 1]
         asked = f"{near[0]} {rest}" if near else asked  # "whre is it?"
-    asked = _EMPHASIS.sub(r"\1", asked)
+    asked = re.sub(r"^((?:which|what)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", asked))
     for pattern, plain in _IMPERATIVES:
         asked = re.sub(rf"^{pattern}$", plain, asked)
     if not _ASKING.search(asked) or _REQUESTING.match(asked):

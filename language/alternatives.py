@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import abstractmethod
 
-from language.comparing import Comparisons
+from language.ranking import Rankings
 from language.scanning import COLOR, scan
 from language.talk import phrase, real
 
@@ -16,7 +16,7 @@ _EXCEPT = re.compile(
 )
 
 
-class Alternatives(Comparisons):
+class Alternatives(Rankings):
     """Finds what a question leaves out and which of its answers is so."""
 
     @abstractmethod

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -16,15 +17,17 @@ from language.acts import Part, question
 from language.lattice import Lattice
 from language.meanings import Clause, Measure, Reading, RelationPhrase
 from language.ordering import TIMES
-from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import CARRY
 from language.referents import SIDEWAYS
-from language.replies import Replies, on_other_side
-from language.revising import TURNED, opposite, partly_back
-from language.scanning import COLOR, THING, scan, text_of
+from language.replies import PREFERS, Replies, on_other_side
+from language.revising import TURNED, further, opposite, partly_back, restoring, without_detours
+from language.scanning import COLOR, THING, Token, scan, text_of
+from language.settling import choices, settled
 from language.spots import pinned
-from language.talk import phrase
+from language.talk import name, offers, phrase
 from language.words import colors
+from language.world import WorldModel
 
 _SAID = r"i (?:clearly |just |only )?(?:said|meant|mean|told you|asked (?:you )?(?:for|to))(?: to| you to)?"
 _LEAD = rf"(?:(?:no|hey|wait|hang on|hold on|oops|sorry|well|but|actually|stop|,|please|{_SAID}) )*"
@@ -77,6 +80,9 @@ _BARE = ("verb", "relation", "direction", "number")  # what is said without the 
 @dataclass
 class Corrections(Replies):
     """Does the last sentence with other words."""
+
+    def _nothing(self, sentence: str, act: str) -> Outcome:
+        raise NotImplementedError
 
     def _contrasted(self, sentence: str) -> Outcome | None:
         """Return what comes of the last sentence with some other words: "next to, not on"; None of other sentences."""
@@ -142,6 +148,70 @@ class Corrections(Replies):
         what = unseen["what"] or "it"
         named = re.search(rf"\b(?:{COLOR}|{THING})\b", what) is not None
         return (what if named else words), re.fullmatch(r"it|that|this|them|well|much", what) is not None
+
+    def _undone(self, sentence: str, number: int) -> Outcome:
+        """Return the steps back to the world before the last plan."""
+        done, world = self.done(number), self.now
+        if done is None:
+            return self._nothing(sentence, "undo")
+        steps = restoring(world, done.world, [step.object for step in getattr(done.outcome, "steps", ())])
+        result = reduce(WorldModel.after, steps, world)
+        still = [i for i in world.devices if abs(result.moved.get(i, 0.0) - done.world.moved.get(i, 0.0)) > 0.5]
+        if still and not steps:
+            text = f"I cannot undo that: {name(world, still[0])} stays down"
+            return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=text, suggestions=offers(world))
+        if not steps:  # only the arm has moved
+            return Signal(sentence, 1.0, (), (0, len(sentence)), control="home")
+        return Signal(
+            sentence, 1.0, (), (0, len(sentence)), control="undo", text="I undo that", steps=steps, result=result
+        )
+
+    def _again(self, sentence: str, number: int, little: bool = False) -> Outcome | None:
+        """Return the last plan once more, or several times. little: a move to a side only by a bit."""
+        done = self.done()
+        reading = getattr(done.outcome, "reading", None) if done is not None else None
+        if reading is None:
+            return None
+        again = further(reading)
+        if little and again.steps[-1].places:
+            places = tuple(
+                replace(place, measure=Measure(1.0, "bit")) if place.name == "direction" else place
+                for place in again.steps[-1].places
+            )
+            again = Reading((replace(again.steps[-1], places=places),))
+        return self._settle(sentence, replace(again, unused=(), cost=0.0, times=number))
+
+    def _redone(self, sentence: str, words: Sequence[str]) -> Outcome | None:
+        """Return the plan that was undone last, or one more undo: "redo", "again"; None if nothing was undone last."""
+        last = next((turn for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
+        if last is None or not isinstance(last.outcome, Signal) or last.outcome.control != "undo":
+            return None
+        if not {"redo", "do", "did", "undo"} & {*words}:
+            return self._undone(sentence, 1)
+        trial = self.copy()
+        trial.turns = [turn for turn in self.turns if turn is not last]
+        undone = trial.done()
+        reading = getattr(undone.outcome, "reading", None) if undone is not None else None
+        return None if reading is None else self._settle(sentence, reading)
+
+    def _instead(self, sentence: str, words: list[Token], outcome: Outcome) -> Outcome | None:
+        """Return the plan that takes the last one back and does it with another thing: "put red in instead"."""
+        done = self.done()
+        put = [step for step in getattr(done.outcome, "steps", ()) if step.carries] if done is not None else []
+        if done is None or not put or not PREFERS.search(sentence) or not isinstance(outcome, Refusal | Plan):
+            return None
+        back = restoring(self.now, done.world)
+        planner = self.planner(world=done.world)
+        planner.it = planner.it if put[-1].goal is None else (put[-1].goal,)
+        tried = settled(sentence, choices(words, planner), planner) if back else outcome
+        carried = [step for step in getattr(tried, "steps", ()) if step.carries]
+        moved = {step.object for step in put}
+        if not isinstance(tried, Plan) or not carried or carried[-1].object in moved:
+            return None
+        if isinstance(outcome, Plan) and (carried[-1].goal is None or carried[-1].goal != put[-1].goal):
+            return None
+        steps = without_detours((*back, *tried.steps))
+        return replace(tried, steps=steps, notes=tried.notes if len(steps) == len(back) + len(tried.steps) else ())
 
     def _same_after(self, sentence: str, made: tuple) -> Outcome | None:
         """Return the plan of "put X in the drawer, then do the same with Y": the last part goes on from the first."""

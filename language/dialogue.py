@@ -9,12 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 from language import costs
 from language.acts import (
     ABLE,
     IDLE,
+    JOINING,
     SAME,
     Part,
     act_of,
@@ -31,7 +31,7 @@ from language.conditions import Conditions
 from language.errors import NotUnderstood
 from language.later import later_time
 from language.lattice import vocabulary
-from language.meanings import Gesture, Measure, Pointed, Reading, gestures
+from language.meanings import Gesture, Pointed, Reading, gestures
 from language.normalise import LONGEST_SENTENCE, normalised
 from language.objects import Scene
 from language.ordering import asked_deed, times
@@ -42,7 +42,7 @@ from language.recalling import on_sides_of, without_names
 from language.remarks import asks_nothing, is_chat
 from language.remarks import command as command_word
 from language.replies import LITTLE
-from language.revising import aside, further, restoring
+from language.revising import aside
 from language.scanning import COLOR, THING, Token, scan, text_of, verb_words
 from language.settling import Choices, choices, crowded, settled
 from language.spoken import fluent
@@ -244,6 +244,7 @@ class Dialogue(Conditions):
         if likely and likely[0].cost <= costs.TOO_MUCH and (same or self._is_reply(likely[0], found)):
             outcome = self._reply(text, likely[0], found)
         outcome = outcome or settled(text, found, planner)
+        outcome = self._instead(text, words, outcome) or outcome
         if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
             return outcome
         return self._named(text, words, found) or outcome
@@ -308,7 +309,7 @@ class Dialogue(Conditions):
     def _signal(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the outcome of a turn that consists of signals, short replies and small talk; None of another one."""
         number, spent = times(words)
-        rest = [word for at, word in enumerate(words) if at not in spent]
+        rest = [word for at, word in enumerate(words) if at not in spent and not (spent and word in JOINING)]
         act = act_of(rest) or ("again" if number > 1 and act_of([*rest, "again"]) else None)
         span, asked = (0, len(sentence)), self.open_question()
         did = next((turn.outcome for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
@@ -331,9 +332,11 @@ class Dialogue(Conditions):
         if act == "no" and isinstance(did, Plan):
             return Signal(sentence, 1.0, (), span, control="stop", text="I stop. Say what you mean instead")
         if act in ("undo", "wrong"):
-            return self._undone(sentence, number)
+            redoes = "undo" in words[words.index("undo") + 1 :] if "undo" in words else False
+            return (self._redone(sentence, words) if redoes else None) or self._undone(sentence, number)
         if act == "again" or (act == "yes" and number > 1):
-            return self._again(sentence, number, bool(LITTLE & {*words})) or self._nothing(sentence, "again")
+            again = self._redone(sentence, words) or self._again(sentence, number, bool(LITTLE & {*words}))
+            return again or self._nothing(sentence, "again")
         if act == "less" and self.done() is not None and self.last is not None:
             return self._less(sentence, words) or self._undone(sentence, number)
         if act == "opposite":
@@ -352,38 +355,6 @@ class Dialogue(Conditions):
         return Refusal(
             sentence, 0.0, (), (0, len(sentence)), reason="dialogue", text=text, suggestions=offers(self.now)
         )
-
-    def _undone(self, sentence: str, number: int) -> Outcome:
-        """Return the steps back to the world before the last plan."""
-        done, world = self.done(number), self.now
-        if done is None:
-            return self._nothing(sentence, "undo")
-        steps = restoring(world, done.world, [step.object for step in getattr(done.outcome, "steps", ())])
-        result = reduce(WorldModel.after, steps, world)
-        still = [i for i in world.devices if abs(result.moved.get(i, 0.0) - done.world.moved.get(i, 0.0)) > 0.5]
-        if still and not steps:
-            text = f"I cannot undo that: {name(world, still[0])} stays down"
-            return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=text, suggestions=offers(world))
-        if not steps:  # only the arm has moved
-            return Signal(sentence, 1.0, (), (0, len(sentence)), control="home")
-        return Signal(
-            sentence, 1.0, (), (0, len(sentence)), control="undo", text="I undo that", steps=steps, result=result
-        )
-
-    def _again(self, sentence: str, number: int, little: bool = False) -> Outcome | None:
-        """Return the last plan once more, or several times. little: a move to a side only by a bit."""
-        done = self.done()
-        reading = getattr(done.outcome, "reading", None) if done is not None else None
-        if reading is None:
-            return None
-        again = further(reading)
-        if little and again.steps[-1].places:
-            places = tuple(
-                replace(place, measure=Measure(1.0, "bit")) if place.name == "direction" else place
-                for place in again.steps[-1].places
-            )
-            again = Reading((replace(again.steps[-1], places=places),))
-        return self._settle(sentence, replace(again, unused=(), cost=0.0, times=number))
 
     def _agreed(self, sentence: str, act: str, asked: Question | None) -> Outcome | None:
         """Return what comes of a yes, or of leaving the choice to the robot."""
@@ -498,7 +469,7 @@ class Dialogue(Conditions):
         if known.pointed:
             known.planner.it = tuple(known.pointed)
         told = known.answer(asked)
-        about = tuple(dict.fromkeys(known.things))
+        about, self.compared = tuple(dict.fromkeys(known.things)), known.compared
         boxes = [i for i in world.containers if world.things[i].kind in asked.split()]
         if len(boxes) == 1 and told is not None:  # "which one is nearest to the drawer?"
             self.box = boxes[0]

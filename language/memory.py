@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Self
 
-from language.meanings import Gesture, Reading
+from language.meanings import Entity, Gesture, Reading
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import Planner
 from language.revising import tells
@@ -19,7 +19,8 @@ from language.world import WorldModel
 class Turn(NamedTuple):
     """A sentence, what came of it, the world before it, and the things that it was about, the last one last.
 
-    ending: how far its steps came, in a sentence, where they were not all carried out; "" if they were.
+    ending: how far its steps came, in a sentence, where they were not all carried out; "" if they were. beside: what
+    these things were compared with.
     """
 
     sentence: str
@@ -27,6 +28,12 @@ class Turn(NamedTuple):
     world: WorldModel
     about: tuple[int, ...] = ()
     ending: str = ""
+    beside: tuple[int, ...] = ()
+
+    @property
+    def named(self) -> tuple[int, ...]:
+        """What it was about and what that was compared with, the one that matters most first."""
+        return (*self.about[-1:], *self.beside, *reversed(self.about[:-1]))
 
 
 @dataclass
@@ -36,6 +43,7 @@ class Memory:
     world: the scene after the last outcome. turns: oldest first. it: the things that were spoken of last.
     box: the container that was spoken of last. last: the reading of the last plan, question or refusal.
     surroundings: further fields of `WorldModel` for every scene, such as `bounds` and `little`.
+    compared: the things that an answer compares with the one it is about, and what they were compared with.
     body: what the robot is. homeward: whether the arm goes back to its rest position after the last plan.
     """
 
@@ -47,6 +55,7 @@ class Memory:
     surroundings: dict[str, Any] = field(default_factory=dict)
     body: str = "a simulated robot arm, not a real one"
     homeward: bool = False
+    compared: tuple[tuple[int, ...], tuple[int, ...]] = (), ()
 
     def copy(self) -> Self:
         """Return a dialogue with the same memory, to try a sentence."""
@@ -68,7 +77,8 @@ class Memory:
             asked = [step for step in outcome.steps if not step.implied] or list(outcome.steps)
             its = tuple(dict.fromkeys(s.object for s in asked if s.several)) or self._built(outcome, asked)
             self.it = its + _below(outcome, its, world)
-            about = tuple(dict.fromkeys(i for s in asked for i in (s.goal, s.object) if i is not None))
+            done = tuple(dict.fromkeys(i for s in asked for i in (s.goal, s.object) if i is not None))
+            about = (*(i for i in self._anchors(outcome, world) if i not in done), *done)
         elif isinstance(outcome, Signal) and outcome.steps:
             self.world = outcome.result or world
         elif isinstance(outcome, Question | Refusal):
@@ -78,11 +88,13 @@ class Memory:
             its = about or spoken
             if isinstance(outcome, Question) and outcome.reading is None:  # "what shall I do with the red cube?"
                 its = its or outcome.candidates[:1]
-            self.it = its or self.it
-            about = (*(i for i in spoken if i not in its), *its)
-        boxes = [i for i in about if i in world.containers]
+            self.it = (*its, *self.compared[1]) or self.it
+            about = (*(i for i in dict.fromkeys((*self.compared[0], *spoken)) if i not in its), *its)
+        told = [world.inside.get(i) for i in about] if isinstance(outcome, Answer) else []  # "it is in the drawer"
+        boxes = [i for i in (*about, *told) if i is not None and i in world.containers]
         self.box = boxes[-1] if boxes and not isinstance(outcome, Question) else self.box
-        self.turns.append(Turn(outcome.sentence, outcome, world, about))
+        self.turns.append(Turn(outcome.sentence, outcome, world, about, beside=self.compared[1]))
+        self.compared = (), ()
 
     def _built(self, plan: Plan, steps: Sequence[Step]) -> tuple[int, ...]:
         """Return what "it" and "them" mean after steps: the thing of the last one, first of all of a tower or a row."""
@@ -113,6 +125,17 @@ class Memory:
         clauses = reading.steps if reading is not None else ()
         phrases = [anchor for clause in clauses for place in clause.places for anchor in place.anchors]
         phrases += [clause.entity for clause in clauses if clause.entity]
+        return self._sure(phrases, world)
+
+    def _anchors(self, plan: Plan, world: WorldModel) -> tuple[int, ...]:
+        """Return the things beside which a plan puts something. world: before it."""
+        clauses = plan.reading.steps if plan.reading is not None else ()
+        phrases = [anchor for clause in clauses for place in clause.places for anchor in place.anchors]
+        pinned = [i for each in phrases if isinstance(each.pointed, Gesture) for i in each.pointed.things]
+        return tuple(dict.fromkeys((*pinned, *self._sure(phrases, world))))
+
+    def _sure(self, phrases: Sequence[Entity], world: WorldModel) -> tuple[int, ...]:
+        """Return the things that phrases name exactly."""
         resolver = self.planner(world=world).resolver(world, self.it)
         says = [each for each in phrases if each.kind == "thing" and tells(each)]
         found = [resolver.resolve(each) for each in says]
@@ -133,7 +156,7 @@ class Memory:
         planner.boxes = () if self.box is None else (self.box,)
         planner.others, planner.rests = self._others(world), self._rests(world)
         planner.carried = self._carried()
-        planner.recent = tuple(dict.fromkeys(i for turn in reversed(self.turns) for i in reversed(turn.about)))
+        planner.recent = tuple(dict.fromkeys(i for turn in reversed(self.turns) for i in turn.named))
         return planner
 
     def _carried(self) -> tuple[int, ...]:
@@ -159,7 +182,7 @@ class Memory:
         """Return what "the other one" means: the rest of the things of a turn from which one was singled out later."""
         if not self.it or world.cells:
             return ()
-        one = self.it[-1]
+        one = self.it[0 if self.turns and self.turns[-1].beside else -1]
         alike = [i for i, thing in enumerate(world.things) if world.is_loose(i) == world.is_loose(one)]
         for turn in reversed(self.turns):
             about = [i for i in turn.about if i in alike]

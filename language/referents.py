@@ -443,10 +443,12 @@ class Resolver:
         """Return the referents of a phrase as the anchors of a relation: marks only where there is nothing else."""
         key = _fields(entity)
         if key not in self._anchors:
-            refs = self.resolve(entity)
-            solid = [ref for ref in refs if not any(self.world.things[i].target for i in ref.things)]
-            self._anchors[key] = Anchors(solid or refs)
+            self._anchors[key] = Anchors(self._solid(self.resolve(entity)))
         return self._anchors[key]
+
+    def _solid(self, refs: list[Ref]) -> list[Ref]:
+        """Return referents without see-through ones if there are others."""
+        return [ref for ref in refs if not any(self.world.things[i].target for i in ref.things)] or refs
 
     def _filtered(self, entity: Entity, relations: tuple[RelationPhrase, ...]) -> list[Ref]:
         """Return the referents of the phrase with the relations that do not select; phrases share their beginnings."""
@@ -506,7 +508,7 @@ class Resolver:
         """Return the referents nearest to a region that contains none."""
         kinds = {anchor.kind for anchor in relation.anchors}
         if relation.name in _LOCATING and kinds & {"corner", "edge"}:
-            found = self._nearest(refs, relation.anchors[0])
+            found = self._nearest(self._solid(refs), relation.anchors[0])
             return [ref._replace(cost=ref.cost + costs.NOT_QUITE_THERE) for ref in found]
         return []
 
@@ -522,7 +524,7 @@ class Resolver:
             return pair_of(refs, sign) if number == 2 else []
         if relation.name == "near":
             return self._related(refs, RelationPhrase("beside", relation.anchors)) or self._nearest(refs, anchor)
-        return self._nearest(refs, anchor, sign, number)
+        return self._nearest(self._solid(refs), anchor, sign, number)
 
     def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0, number: int = 1) -> list[Ref]:
         """Return the referents that are nearest to the anchor, or, with sign -1, farthest from it."""
@@ -546,7 +548,7 @@ class Resolver:
         if entity.kind not in ("thing", "stack"):
             return refs
         if entity.superlative is not None:
-            refs = self._superlative(entity.superlative, refs, entity.number or 1)
+            refs = self._superlative(entity.superlative, self._solid(refs), entity.number or 1)
         return self._toward(refs, entity.sides, entity.number or 1) if entity.sides else refs
 
     def _toward(self, refs: list[Ref], sides: tuple[str, ...], number: int = 1) -> list[Ref]:

@@ -14,7 +14,7 @@ from language.meanings import Clause, Entity, Gesture, Measure, Reading, Relatio
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
-from language.revising import filled, is_unshown, restoring, revised, selecting
+from language.revising import filled, is_unshown, restoring, revised, selecting, without_detours
 from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
@@ -66,9 +66,10 @@ _LEVEL = re.compile(  # of a tower that was asked for
 _OPPOSITE = re.compile(r"\b(?:(?:diagonally )?opposite|diagonal) corner(?: (?:of table|to (?:it|that)))?\b")
 _NEARER = re.compile(
     r"^(?:(?:please|now|and|no|okay|but|just|then|can you|could you|go|move|bring|put|get|make|push|it|that|a|bit"
-    r"|little|tad|notch|touch|tiny|much|way|some|even|more|slightly|far|not|so|too|still|again) )*"
+    r"|little|tad|notch|touch|tiny|much|way|some|even|more|slightly|far|not|so|too|still|again|them|these|those|both"
+    r"|two|(?<=not so )(?:near|close)|(?<=too )(?:near|close)) )*"
     r"(?P<how>closer|nearer|(?:is )?(?:still )?not (?:quite |nearly )?(?:close|near) enough"
-    r"|(?:further|farther) (?:away|apart|off))"
+    r"|(?:further|farther) (?:away|apart|off)|apart|separate(?: (?:them|these|those|both|two))*)"
     r"(?: (?:together|to it|to that|from it|from that|please|now|a bit|a little|again|still|than that))*$"
 )
 _HELD = re.compile(
@@ -77,6 +78,11 @@ _HELD = re.compile(
     r"|(?:is |are )?in (?:your|robot) (?:gripper|hand|claw|fingers))\b"
 )
 _MEANT = re.compile(r"\b(?:meant|mean|sorry|oops|rather)\b", re.IGNORECASE)
+PREFERS = re.compile(  # another thing than that with which the last plan did something
+    r"\b(?:instead|rather|prefer(?:red)?|better|nicer|replace|after all|in (?:its|that one's) place)\b"
+    r"|\bmake (?:that|it)\b|\b(?:will|would|wd|'ll|'d) (?:also )?do\b|\bshould have been\b",
+    re.IGNORECASE,
+)
 _BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "nearest")  # places beside another thing
 
 
@@ -118,10 +124,11 @@ class Replies(Recollections):
             return Question(sentence, 0.0, text="Which thing do you mean? Name it, or point at it", reading=self.last)
         if world.held is not None and clause.entity is None and not world.cells:
             return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
-        restore = reply.rejects and (clause.entity is not None or world.cells)
+        restore = (reply.rejects or PREFERS.search(sentence)) and (clause.entity is not None or world.cells)
         reply = replace(reply, steps=(replace(clause, entity=self._alike(clause.entity)), *reply.steps[1:]))
         meant = revised(self._beside_chosen(self.last), reply)
-        return self._tried(sentence, meant if reply.rejects else [self._higher(each) for each in meant], found, restore)
+        meant = meant if restore else [self._higher(each) for each in meant]
+        return self._tried(sentence, meant, found, restore=bool(restore))
 
     def _in_that_order(self, asked: Question, clause: Clause) -> Reading | None:
         """Return the last reading for all that was asked about, in an order: "both, the drawer first"; or None."""
@@ -285,7 +292,7 @@ class Replies(Recollections):
         refs = self.planner().resolver(world, ()).resolve(anchors[-1])
         if not refs or not refs[0].things or refs[0].things[-1] == moved[-1]:
             return None
-        other, comes = refs[0].things[-1], not match["how"].startswith(("further", "farther"))
+        other, comes = refs[0].things[-1], not match["how"].startswith(("further", "farther", "apart", "separate"))
         measure = Measure(1.0, "bit") if LITTLE & {*text.split()} else None
         place = RelationPhrase("toward" if comes else "away", (pinned(other),), measure)
         outcome = self._settle(sentence, Reading((Clause(CARRY, pinned(moved[-1]), (place,)),)))
@@ -408,8 +415,8 @@ class Replies(Recollections):
             return None
         slots = ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
         name_of = "in" if index in self.now.containers else "on"
-        tried = [filled(self.last, pinned(index), slot, name_of) for slot in slots]
-        return self._tried(sentence, tried, found)
+        tried = [each for slot in slots if (each := filled(self.last, pinned(index), slot, name_of)) is not None]
+        return self._tried(sentence, tried, found, back=True)
 
     def _asks_goal(self, asked: Question) -> bool:
         """Whether the candidates of a question are places, not objects, of its sentence."""
@@ -418,9 +425,13 @@ class Replies(Recollections):
         clause = self.last.steps[-1]
         if clause.act in (Act.TAKE, Act.HOLD) and not clause.places and clause.entity is not None:
             return False
+        resolver = self.planner().resolver(self.now, self.it)
+        into = resolver.resolve(clause.places[0].anchors[0]) if clause.places and clause.places[0].anchors else []
+        if into and into[0].things[-1:] and into[0].things[-1] in self.now.containers:  # no loose thing is another one
+            return any(i in self.now.containers for i in asked.candidates)
         if clause.entity is None or clause.entity.kind == "it":
             return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)
-        refs = self.planner().resolver(self.now, self.it).resolve(clause.entity)
+        refs = resolver.resolve(clause.entity)
         things = {ref.things[-1] for ref in refs if ref.things}
         return len(things & set(asked.candidates)) < len(asked.candidates) and len(things) <= 2
 
@@ -442,7 +453,7 @@ class Replies(Recollections):
                 outcome = settled(sentence, choices_of([reading], planner, found), planner)
                 if isinstance(outcome, Plan):
                     direct = self._direct(sentence, reading, steps, outcome, found)
-                    return direct or replace(outcome, steps=(*steps, *outcome.steps))
+                    return direct or replace(outcome, steps=without_detours((*steps, *outcome.steps)))
                 last = last if isinstance(last, Question) else outcome
         return last
 

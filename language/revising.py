@@ -258,6 +258,15 @@ def restoring(
     return (*steps, *(Step(doing(Act.SHUT), box) for box in shut))
 
 
+def without_detours(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """Return steps without closing what is opened again before anything else is done with it."""
+    for at, step in enumerate(steps):
+        after = next((i for i in range(at + 1, len(steps)) if step.object in (steps[i].object, steps[i].goal)), None)
+        if step.act is Act.SHUT and after is not None and steps[after].act is Act.OPEN:
+            return without_detours((*steps[:at], *steps[at + 1 : after], *steps[after + 1 :]))
+    return steps
+
+
 def _may_go_back(world: WorldModel, then: WorldModel, index: int, left: Sequence[int]) -> bool:
     """Return whether nothing stands on a thing, or where it was. left: what is not back yet."""
     old, box = then.things[index], then.inside.get(index)

@@ -28,9 +28,10 @@ _PACED = re.compile(rf"^(?:come on )?(?:{_MOVES} )?(?:(?:{_LITTLE}|{_MUCH}) )*(?
 _BEFORE = r"(?:last|latest|previous|preceding|most recent|recent)"
 _DEED = (
     rf"(?:(?:your|my|that|this) )?(?:(?:very )?{_BEFORE} )?"
-    r"(?:steps?|moves?|actions?|commands?|orders?|things?|changes?|instructions?|one|movement|operation|request|task)"
+    r"(?:steps?|moves?|actions?|commands?|orders?|things?|changes?|instructions?|one|movement|operation|request|task|undo|undoing)"
 )
 _DID = r"(?:what|whatever|thing|all|everything) (?:that )?(?:you|we|i) (?:(?:just|have|had|last) )*(?:did|done|do)"
+_AFTER_ALL = r"(?: after all| anyway| though)*"
 _ONCE_MORE = r"(?:again|once more|once again|one more time|another time|a second time|over again|over)"
 _JUST_NOW = r"(?:just now|last|before|a (?:moment|second|minute) ago|just then)"
 _UNDO = r"(?:undo|revert|reverse|cancel|rewind|roll back|take back|go back on|unwind|backtrack)"
@@ -48,7 +49,7 @@ _BETTER_BEFORE = re.compile(  # "it looked nicer the way it was before"
 _REPEATS = re.compile(
     rf"^(?:(?:please|now|and|then) )*(?:(?:repeat|redo)(?: (?:{_DEED}|{_DID}|it|that|this))?(?: {_JUST_NOW})?"
     rf"(?: {_ONCE_MORE})?|(?:do|run|perform|execute|try|make) (?:(?:exactly )?(?:{_DEED}|{_DID}|it|that|this))"
-    rf"(?: {_JUST_NOW})? {_ONCE_MORE})$"
+    rf"(?: {_JUST_NOW})? {_ONCE_MORE}){_AFTER_ALL}$"
 )
 STARTING = "start|starting|initial|original|resting|rest|neutral|default|parking|base|first"
 PLACES = "position|pose|point|place|posture|location"  # that are the STARTING ones, where the arm rests
