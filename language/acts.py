@@ -380,7 +380,7 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"((?:which|what|who|where)(?: one| ones| cube| block| thing)?) 's (.+)", r"\1 is \2"),
     (r"(?:in|at|on) (?:what|which) (?:place|spot|location|position) (?:is|are) (.+)", r"where is \1"),
     (r"(?:current |exact )?(?:location|position|whereabouts) of (.+)", r"where is \1"),
-    (r"contents? of (.+)", r"what is in \1"),
+    (r"contents? of ((?:\w+ )?(?:drawer|fridge|refrigerator|container|box))", r"what is in \1"),
     (r"what (?:can|could|may) be (?:found|seen) (.+)", r"what is \1"),
     (r"(?:total )?number of (.+)", r"how many \1"),
     (r"(how many \w+) (?:in|inside) (?:this |our )?(?:room|scene)", r"\1 are there"),
