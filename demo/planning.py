@@ -49,7 +49,7 @@ class Subtask:
     place: (3,) metres where the target is put during the step; None: it stays. mark: (3,) metres; where it
     is put at a free spot of the place that is marked there instead. named: whether the person named the target, which
     marks the place otherwise. any_order: whether the steps after it that are so, too, can be done before it. number: of
-    the step in its plan.
+    the step in its plan. second_try: whether the expert carries it out, since the policy did not manage it.
     """
 
     sentence: str
@@ -63,6 +63,7 @@ class Subtask:
     named: bool = True
     any_order: bool = False
     number: int = 0
+    second_try: bool = False
 
     @property
     def objects(self) -> tuple[int, ...]:
