@@ -42,7 +42,7 @@ from envs.perception.robust_fit import angle_of, rotation, transform
 from envs.sim.kinematics import Kinematics
 from envs.sim.rendering import photograph
 from envs.sim.robot import Robot, read_kinematics
-from tools.drawn_boards import Print, board_to_camera, draw, lens_of, resized, worn
+from tools.drawn_boards import Print, board_to_camera, draw, gray, lens_of, resized, worn
 
 Array = NDArray[np.float64]
 SIZES = ((640, 480), (1280, 960))
@@ -75,11 +75,6 @@ def jittered(camera: Camera, rng: Generator) -> Camera:
         pitch=max(camera.pitch + float(rng.uniform(-5, 5)), -90.0),
         roll=float(rng.uniform(-5, 5)),
     )
-
-
-def gray(camera: Camera) -> NDArray[np.uint8]:
-    """Return an empty picture."""
-    return np.full((camera.height, camera.width, 3), 150, np.uint8)
 
 
 def summary(runs: Sequence[Callable[[], tuple[float, float]]]) -> dict[str, Any]:

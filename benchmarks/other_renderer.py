@@ -42,7 +42,7 @@ from envs.perception_training.judging import Judgement, judge
 from envs.perception_training.scenes import PLAIN, SETUPS, THINGS, SceneSource
 from envs.sim.rendering import VisualShape, VisualShapes
 from human import Body
-from tools.browser import CHROMIUM, free_port, headless_browser
+from tools.browser import free_port, headless_browser
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -298,8 +298,6 @@ def stored(folder: Path) -> list[Taken]:
 
 def photographed(count: int, seed: int) -> list[Taken]:
     """Return scenes of all setups, `count` in all. Prints how silhouettes agree and the time of a picture."""
-    if CHROMIUM is None:
-        sys.exit("no Chromium on the PATH: its package is called chromium, chromium-browser or google-chrome")
     taken: list[Taken] = []
     with redirect_stdout(StringIO()):  # viser prints addresses
         server = viser.ViserServer("127.0.0.1", int(free_port()), verbose=False)

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -27,6 +26,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from benchmarks.reproduce import commit
 from core.errors import ConfigError, did_you_mean
 from core.program import run_program
 from demo.session import Session
@@ -87,14 +87,6 @@ def written(path: Path, name: str, result: dict[str, Any]) -> None:
     path.write_text(json.dumps(dict(sorted(known.items())), indent=1) + "\n")
 
 
-def stamp() -> dict[str, str]:
-    """Return the day and the commit of a measurement."""
-    found = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    return {"date": date.today().isoformat(), "commit": found.stdout.strip() or "unknown"}
-
-
 def main(words: Sequence[str]) -> None:
     """Judge policies, and write the results or the cards. Raises ConfigError."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -114,7 +106,7 @@ def main(words: Sequence[str]) -> None:
             write_section(policy.path, SECTION, section(policy.name, known.get(policy.name, {})))
             continue
         page = judged_policy(policy, given.count, range(given.seed, given.seed + given.seeds))
-        result = stamp() | {"page": page}
+        result = {"date": date.today().isoformat(), "commit": commit(ROOT), "page": page}
         if given.evaluate:
             result["evaluation"] = evaluated(policy, given.evaluate, given.seed)
         written(given.out, policy.name, result)

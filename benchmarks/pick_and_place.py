@@ -5,9 +5,8 @@
 
 A pair is our `train.py` and stable-baselines3-contrib's TQC with hindsight on `PandaPickAndPlace-v3`. Both run at the
 same time on a core each, so that other load affects both alike; the cores are swapped from pair to pair. The peer has
-two settings, since the one that is faster on this machine is the fair comparison: `published` is rl-baselines3-zoo
-2.9.2's for the task; `light` has smaller batches and layers and learns at every fourth frame. Positional arguments go
-to `train.py`.
+two settings, since the one that is faster on this machine is the fair comparison: `published` and `light` are ZOO and
+LIGHT of `examples/other_learners.py`. Positional arguments go to `train.py`.
 
 Conditions, the same for both sides:
 
@@ -31,13 +30,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from core.system import system_info
+from examples.other_learners import EVALUATED, HINDSIGHT, LIGHT, ZOO, make_model, make_worlds, success_rate
 from tools.peer_comparison import (
     COLUMNS,
     OUR_OVERRIDES,
@@ -55,22 +55,17 @@ from trainers.utils.files import write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULE = "benchmarks.pick_and_place"
+ENV, LEARNER = "PandaPickAndPlace-v3", "sb3-tqc"
 PEERS = ("panda-gym", "stable-baselines3", "sb3-contrib")
 FRAMES_PER_CHECK = 100  # frames that the peer learns between two checks of the clock
 EVALUATION_INTERVAL = 60  # seconds of learning between two evaluations of the peer
 EPISODES, CONFIRMATION_EPISODES = 50, 100  # of the peer's evaluations
-FIRST_EVALUATION_SEED = 1_000_000
 MAX_PEER_FRAMES = 1_000_000
 POLL_INTERVAL = 1  # seconds
 LAST_EVALUATION = 120  # seconds that the peer's last evaluation may take after the deadline
 TERMINATION_TIMEOUT = 30  # seconds after SIGTERM
 
-SHARED = {"learning_rate": 1e-3, "buffer_size": 1_000_000, "tau": 0.05, "gamma": 0.95, "gradient_steps": 1}
-HINDSIGHT = {"goal_selection_strategy": "future", "n_sampled_goal": 4}
-SETTINGS: dict[str, dict[str, Any]] = {  # learning_starts and train_freq: the zoo leaves TQC's defaults
-    "published": {"batch_size": 2048, "net_arch": [512] * 3, "learning_starts": 100, "train_freq": 1},
-    "light": {"batch_size": 256, "net_arch": [256] * 3, "learning_starts": 1_000, "train_freq": 4},
-}
+SETTINGS = {"published": ZOO, "light": LIGHT}
 
 
 class SideError(Exception):
@@ -78,42 +73,6 @@ class SideError(Exception):
 
 
 # ---- The peer
-
-
-def make_env() -> Any:
-    """Return the peer's environment."""
-    import gymnasium
-    import panda_gym  # noqa: F401  registers its envs
-
-    return gymnasium.make("PandaPickAndPlace-v3")
-
-
-def make_model(setting: str, seed: int) -> Any:
-    """Return TQC with hindsight, with an environment of its own."""
-    from sb3_contrib import TQC
-    from stable_baselines3 import HerReplayBuffer
-    from stable_baselines3.common.monitor import Monitor
-
-    values: dict[str, Any] = SHARED | SETTINGS[setting] | {"seed": seed, "device": "cpu"}
-    values["policy_kwargs"] = {"net_arch": values.pop("net_arch"), "n_critics": 2}
-    values |= {"replay_buffer_class": HerReplayBuffer, "replay_buffer_kwargs": HINDSIGHT}
-    return TQC("MultiInputPolicy", Monitor(make_env()), **values)
-
-
-def success_of(model: Any, env: Any, seeds: Iterable[int]) -> float:
-    """Return the share of episodes, one for each seed, that the deterministic policy solves."""
-    solved = [_solves(model, env, seed) for seed in seeds]
-    return sum(solved) / len(solved)
-
-
-def _solves(model: Any, env: Any, seed: int) -> bool:
-    observation, info = env.reset(seed=seed)
-    ended = False
-    while not ended:
-        action, _ = model.predict(observation, deterministic=True)
-        observation, _, terminated, truncated, info = env.step(action)
-        ended = terminated or truncated
-    return bool(info["is_success"])
 
 
 def run_peer(setting: str, seed: int, minutes: float, target: float, folder: Path) -> None:
@@ -124,13 +83,15 @@ def run_peer(setting: str, seed: int, minutes: float, target: float, folder: Pat
 
     torch.set_num_threads(1)
     folder.mkdir(parents=True, exist_ok=True)
-    metrics, seeds, ended = MetricsWriter(folder, COLUMNS), itertools.count(FIRST_EVALUATION_SEED), False
+    metrics, ended = MetricsWriter(folder, COLUMNS), False
     start = time.perf_counter()
     deadline = start + 60 * minutes
-    model, evaluation_env = make_model(setting, seed), make_env()
+    model = make_model(ENV, LEARNER, make_worlds(ENV, 1, flat=False), SETTINGS[setting], seed, flat=False)
+    worlds = make_worlds(ENV, 1, flat=False, evaluated=True)
+    worlds.seed(EVALUATED)
     while not ended:
         _learn(model, min(time.perf_counter() + EVALUATION_INTERVAL, deadline))
-        row = _evaluate(model, evaluation_env, seeds, target)
+        row = _evaluate(model, worlds, target)
         metrics.write(row | {"frames": model.num_timesteps, "time/total": time.perf_counter() - start})
         spent = time.perf_counter() >= deadline or model.num_timesteps >= MAX_PEER_FRAMES
         ended = spent or row["eval/confirmed"] >= target  # NaN if there were no further episodes
@@ -142,11 +103,11 @@ def _learn(model: Any, end: float) -> None:
         model.learn(FRAMES_PER_CHECK, reset_num_timesteps=False)
 
 
-def _evaluate(model: Any, env: Any, seeds: Iterator[int], target: float) -> dict[str, float]:
+def _evaluate(model: Any, worlds: Any, target: float) -> dict[str, float]:
     start = time.perf_counter()
-    success, confirmed = success_of(model, env, itertools.islice(seeds, EPISODES)), math.nan
+    success, confirmed = success_rate(model, worlds, EPISODES), math.nan
     if success >= target:
-        confirmed = success_of(model, env, itertools.islice(seeds, CONFIRMATION_EPISODES))
+        confirmed = success_rate(model, worlds, CONFIRMATION_EPISODES)
     seconds = time.perf_counter() - start
     return {"eval/success_at_end": success, "eval/confirmed": confirmed, "time/evaluation_wait": seconds}
 
@@ -246,7 +207,7 @@ def compare(args: argparse.Namespace) -> None:
     """Run every pair and rewrite the JSON file after each. Raises SideError."""
     about: dict[str, Any] = {"command": shlex.join(["python", "-m", MODULE, *sys.argv[1:]]), "target": args.target}
     about |= {"machine": system_info() | peer_versions() | {"load_before": os.getloadavg()[0]}}
-    about |= {"peer": {"shared": SHARED, "hindsight": HINDSIGHT, **SETTINGS}, "curve": Evaluation._fields}
+    about |= {"peer": {"hindsight": HINDSIGHT, **SETTINGS}, "curve": Evaluation._fields}
     cores, pairs = sorted(os.sched_getaffinity(0))[:2], []
     if len(cores) < 2:
         sys.exit("error: two cores are required, one for each side")

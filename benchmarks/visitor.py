@@ -20,7 +20,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ from demo.session import Session
 from demo.session_config import make_config
 from demo.splash_page import open_splash_page
 from language.talk import name
-from tools.browser import CHROMIUM, PageTab, free_port, headless_browser
+from tools.browser import PageTab, free_port, headless_browser
 
 SCENES = {  # choices of play.py
     "room": {"task": "anything"},
@@ -183,7 +182,7 @@ def run(args: argparse.Namespace) -> None:
         mine = [item for item in items if item["scene"] == scene and args.scene in (None, scene)]
         if not mine:
             continue
-        with served(choices, args.speed) as (page, session, address), headless_browser() as browser:
+        with headless_browser() as browser, served(choices, args.speed) as (page, session, address):
             visit = Visit(page, session, PageTab(browser, address, blank=True), args.speed)
             for item, after in zip(mine, [*mine[1:], {}], strict=True):
                 said = visit.type(item, bool(after.get("moving")))
@@ -226,8 +225,6 @@ def main() -> None:
     if args.what == "count":
         count(args)
         return
-    if CHROMIUM is None or find_spec("playwright") is None:
-        sys.exit('error: this requires Chromium, and pip install -e ".[test]"')
     if args.out is None:
         options.error("run requires --out, a JSONL file")
     run(args)

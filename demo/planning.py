@@ -49,7 +49,7 @@ class Subtask:
     place: (3,) metres where the target is put during the step; None: it stays. mark: (3,) metres; where it
     is put at a free spot of the place that is marked there instead. named: whether the person named the target, which
     marks the place otherwise. any_order: whether the steps after it that are so, too, can be done before it. number: of
-    the step in its plan.
+    the step in its plan. second_try: whether the expert carries it out, since the policy did not manage it.
     """
 
     sentence: str
@@ -63,6 +63,7 @@ class Subtask:
     named: bool = True
     any_order: bool = False
     number: int = 0
+    second_try: bool = False
 
     @property
     def objects(self) -> tuple[int, ...]:
@@ -172,7 +173,7 @@ class SubtaskPlanner:
             return Subtask("", step.object, step.goal, verb=step.verb, instruction=words)
         assert step.place is not None
         target = step.goal if step.goal is not None else self._target(step, scene)
-        place = np.array(self._within_reach(step.place))
+        place = np.array(within_reach(step.place, self._env))
         marked = np.linalg.norm(scene.positions[target, :2] - place) < SAME_PLACE
         if step.several and step.goal is not None:
             return Subtask("", step.object, target, verb=PLACING, mark=scene[target].position, any_order=True)
@@ -213,7 +214,7 @@ class SubtaskPlanner:
         targets = self._targets(own)
         for step, target in zip(own, targets, strict=True):
             if target is not None and step.place is not None and step.goal != target and not self.names_later:
-                place = (*self._within_reach(step.place), self._env.config.task.object_size / 2)
+                place = (*within_reach(step.place, self._env), self._env.config.task.object_size / 2)
                 if np.linalg.norm(self._env.scene().positions[target, :2] - place[:2]) >= SAME_PLACE:
                     self._env.put_object(target, place)
         left = iter(targets)
@@ -283,14 +284,10 @@ class SubtaskPlanner:
                 continue
             if not free:
                 raise LanguageError("too many places for one sentence: this scene has no further see-through object")
-            away = np.linalg.norm(scene.positions[free][:, :2] - np.array(self._within_reach(step.place)), axis=1)
+            away = np.linalg.norm(scene.positions[free][:, :2] - np.array(within_reach(step.place, self._env)), axis=1)
             nearest = int(away.argmin())
             targets.append(free.pop(nearest if away[nearest] < SAME_PLACE else len(free) - 1))
         return targets
-
-    def _within_reach(self, position: Sequence[float]) -> tuple[float, float]:
-        """The nearest place where objects may be, metres."""
-        return within_reach(position, self._env)
 
     def begin_next(self, subtasks: deque[Subtask]) -> Subtask:
         """Takes the next of some subtasks, and begins it; of those in any order, the first that can be done now.

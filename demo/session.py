@@ -140,7 +140,6 @@ class Session:
         self._subtask: Subtask | None = None
         self._stopped = deque[Subtask]()  # what was to be done when somebody said stop
         self._goes_home = False  # while no subtask is carried out
-        self._tries_again = False
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
         self._other: Actor | None = None  # the expert where the policy drives, or the policy
         self.finger.clear()
@@ -318,7 +317,7 @@ class Session:
     @property
     def _driver(self) -> str:
         """Who drives: the expert where it tries once more what the policy did not manage."""
-        return "expert" if self._tries_again else self.config.driver
+        return "expert" if self._subtask is not None and self._subtask.second_try else self.config.driver
 
     def set_driver(self, driver: str) -> None:
         """Lets the policy, the expert or the hand drive. Raises ConfigError if there is no policy."""
@@ -366,7 +365,7 @@ class Session:
         """Ends the current subtask and drops the following ones, which "go on" takes up again."""
         if self._subtask is not None:
             left = self._subtask, *self._subtasks
-            self._stopped = deque(replace(each, number=number) for number, each in enumerate(left))
+            self._stopped = deque(replace(each, number=n, second_try=False) for n, each in enumerate(left))
         self._end("Stopped.")
         self.view.highlighted = ()
 
@@ -377,7 +376,6 @@ class Session:
         self._planner.return_targets()
         self._subtasks.clear()
         self._subtask = self._actor = self._other = None
-        self._tries_again = False
         self.episodes.drop()
         self.view.intents = {}
         self._goes_home = False
@@ -402,7 +400,7 @@ class Session:
         self._mark("next", "dropped")
         words = {each.number: self._planner.in_words(each, names) for each in (first, *others)}
         self.view.steps = [ViewStep(words[number]) for number in sorted(words)]
-        self._subtasks, self._goes_home, self._tries_again = others, False, False
+        self._subtasks, self._goes_home = others, False
         self._stopped.clear()
         self._start_subtask(first)
 
@@ -539,16 +537,14 @@ class Session:
         self.view.outcome_counts[ending] += 1
         seconds = self.env.elapsed[0] * self.period
         if ending != "success" and self._subtask is not None and self._may_try_again():
-            self._tries_again = True
             self.view.steps[self._subtask.number].words += SECOND_TRY
-            self._start_subtask(self._subtask)
+            self._start_subtask(replace(self._subtask, second_try=True))
             return
         if ending == "success":
             self._mark("doing", "done")
-            self._tries_again = False
-        if ending == "success" and self._subtasks:
-            self._start_next()
-            return
+            if self._subtasks:
+                self._start_next()
+                return
         self._end(f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}.")
         if ending == "success" and self._dialogue.homeward:
             self._go_home()

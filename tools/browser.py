@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +163,9 @@ class PageTab:
 
 @contextmanager
 def headless_browser(*switches: str) -> Iterator[Any]:
-    """Yield a Chromium without a window."""
+    """Yield a Chromium without a window. Exits with one line where there is none."""
+    if CHROMIUM is None or find_spec("playwright") is None:
+        sys.exit('error: this requires Chromium, and pip install -e ".[test]"')
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:

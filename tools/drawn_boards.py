@@ -55,6 +55,11 @@ class Print:
         return self.side * np.array(self.cells.shape[::-1])
 
 
+def gray(camera: Camera) -> Picture:
+    """Return an empty picture, as of a gray table."""
+    return np.full((camera.height, camera.width, 3), 150, np.uint8)
+
+
 def lens_of(camera: Camera) -> Lens:
     """Return the ideal lens of a camera."""
     return Lens.ideal(camera.fov, camera.width, camera.height)

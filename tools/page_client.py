@@ -126,10 +126,15 @@ class PageClient(Client):
         """Send a message of a tab; bytes are sent as they are."""
         self.send_raw(action if isinstance(action, bytes) else json.dumps({"do": action, **fields}))
 
-    def wait_until_ready(self) -> None:
-        """Wait until the robot has been loaded: what is said before is not heard. Raises TimeoutError."""
-        end = time.monotonic() + TIMEOUT
+    def wait_until_ready(self, seconds: float = TIMEOUT) -> None:
+        """Wait until the robot has been loaded: what is said before is not heard.
+
+        Raises TimeoutError, or ConnectionResetError where the page has closed the socket.
+        """
+        end = time.monotonic() + seconds
         while "sayable" not in self.sections:
+            if self.closed is not None:
+                raise ConnectionResetError("the page has gone")
             if time.monotonic() > end:
                 raise TimeoutError("the page is not ready")
             self.listen(0.02)

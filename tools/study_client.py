@@ -17,9 +17,8 @@ from typing import Any
 from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus
 from websockets.sync.client import connect
 
-from tools.page_client import PageClient, SceneClient
+from tools.page_client import TAB_PROTOCOL, PageClient, SceneClient
 
-PROTOCOL = "deixis"
 TIMEOUT = 600.0  # seconds: a busy machine loads robots slowly
 VAGUE = ("the thing", "go there", "reach that one please", "the one over there")
 OBJECTIONS = ("wait", "no", "stop")
@@ -36,7 +35,7 @@ class StudyClient:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        protocols: Any = [PROTOCOL]
+        protocols: Any = [TAB_PROTOCOL]
         target = f"{address.replace('http', 'ws', 1)}socket"
         self._socket = connect(target, subprotocols=protocols, compression=None, proxy=None, **UNHURRIED)
         self.shown: dict[str, Any] = {}
@@ -177,7 +176,7 @@ class SimulatedParticipant:
         robot = PageClient(f"{self.address}robot/")
         scene = SceneClient(f"{self.address}robot/") if self.scene else None
         try:
-            _wait_for_robot(robot)
+            robot.wait_until_ready(TIMEOUT)
             self.at_work = True
             for attempt in range(4):
                 self._instruct(robot, scene, kind, sentence, place, attempt)
@@ -261,14 +260,3 @@ class SimulatedParticipant:
             elif time.monotonic() > still:
                 return False
         return True
-
-
-def _wait_for_robot(robot: PageClient) -> None:
-    """Wait until a robot can be told something. Raises TimeoutError."""
-    end = time.monotonic() + TIMEOUT
-    while "sayable" not in robot.sections:
-        robot.listen(0.05)
-        if robot.closed is not None:
-            raise ConnectionResetError("the robot's page has gone")
-        if time.monotonic() > end:
-            raise TimeoutError("the robot's page is not ready")

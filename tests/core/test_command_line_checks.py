@@ -91,6 +91,16 @@ def test_good_words_pass(words, tmp_path, monkeypatch):
         "--experimental-rerun",
         "seed=1\nhydra.run.dir=x",
         "",
+        "collector=ray",
+        "collector=local,ray",
+        "device=cuda:1",
+        "logger=[wandb]",
+        "robot.urdf=/etc/passwd",
+        "robot.package=file",
+        "gesture.weights=/etc/passwd",
+        "init=/home",
+        "resume=/home",
+        "sweep.resume=/home",
     ],
 )
 def test_a_file_sets_only_keys_of_the_project(word):

@@ -18,7 +18,6 @@ import deploy
 import evaluate
 import record
 import train
-from core.command_line import check_stored
 from core.composition import groups
 from core.errors import ConfigError
 from core.overrides import compose
@@ -231,28 +230,6 @@ def test_no_replay_uses_a_place_that_a_recording_names(key, value, tmp_path, no_
     (tmp_path / dataset.METADATA).write_text(json.dumps(values))
     with pytest.raises(ConfigError, match=r"deixis\.json"):
         dataset.read(tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "word",
-    [
-        "collector=ray",
-        "collector=local,ray",
-        "device=cuda:1",
-        "logger=[wandb]",
-        "robot.urdf=/etc/passwd",
-        "robot.package=file",
-        "gesture.weights=/etc/passwd",
-        "init=/home",
-        "resume=/home",
-        "sweep.resume=/home",
-    ],
-)
-def test_no_sweep_resumes_with_a_place_that_its_file_names(word):
-    with pytest.raises(ConfigError, match=r"^sweep\.yaml is refused: ") as caught:
-        check_stored(["seed=0,1", word], Path("sweep.yaml"))
-    assert "command line" in str(caught.value)
 
 
 @pytest.mark.slow

@@ -16,8 +16,9 @@ from envs.perception.camera_files import read_camera
 from envs.sim.robot import read_kinematics
 from envs.sim.robot_config import RobotConfig
 from human import Camera
-from tests.helpers.drawn_cases import LENS, ON_GRIPPER, PLACES, at_gripper, empty, errors, on_table
+from tests.helpers.drawn_cases import FRONT, LENS, ON_GRIPPER, PLACES, at_gripper, errors, on_table
 from tests.helpers.refusals import refusal
+from tools.drawn_boards import gray
 
 FOV = "fov=36"
 
@@ -94,7 +95,7 @@ def test_bad_input_is_refused_in_one_sentence(folder, monkeypatch, capsys):
     save("board.png", on_table((0.44, 0.0)))
     save("small.png", np.zeros((100, 100, 3), np.uint8))
     save("black.png", np.zeros((480, 640, 3), np.uint8))
-    save("empty.png", empty())
+    save("empty.png", gray(FRONT))
     (folder / "notes.png").write_text("no picture")
     (folder / "lens.yaml").write_text("lens: {focal: 700, middle: [160, 120], width: 320, height: 240}\n")
     (folder / "poses.yaml").write_text("robot: kuka\nposes: [{picture: board.png, joints: [0, 1]}]\n")

@@ -8,17 +8,13 @@ from demo.session import Session
 from demo.session_config import make_config
 from envs.experts import expert
 from language import Plan
-from tests.helpers.sessions import run_to_end
+from tests.helpers.sessions import run_to_end, session_fixture
 
 MAX_STEPS = 400  # control steps of one sentence: it may have several moves
 FEW = ["task.num_objects=7", "task.min_objects=7"]
 
 
-@pytest.fixture(scope="module")
-def session():
-    session = Session(make_config(task="rearrange", driver="expert", overrides=FEW), seed=3)
-    yield session
-    session.close()
+session = session_fixture(task="rearrange", driver="expert", overrides=FEW)
 
 
 @pytest.fixture(autouse=True)

@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
-from demo.session import Session
-from demo.session_config import make_config
-from tests.helpers.sessions import run_to_end
+from tests.helpers.sessions import run_to_end, session_fixture
 
-
-@pytest.fixture(scope="module")
-def session():
-    session = Session(make_config(task="nl_pick_and_place", driver="expert", objects=2), seed=1)
-    yield session
-    session.close()
+session = session_fixture(seed=1, task="nl_pick_and_place", driver="expert", objects=2)
 
 
 @pytest.fixture

@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 
 from demo.conversation import MOST_ENTRIES, Conversation, Entry, entry_of, marked
-from demo.session import Session
-from demo.session_config import make_config
 from demo.view_state import ViewState, ViewStep
 from language import Answer, Plan, Question, Refusal
+from tests.helpers.sessions import session_fixture
 
 
 class Shown(dict):
@@ -105,11 +104,7 @@ def test_questions_offer_what_may_be_meant_and_refusals_two_sentences():
     assert entry_of("hi", Answer("hi", text="hello"), "", names).text == "Hello."
 
 
-@pytest.fixture(scope="module")
-def session():
-    session = Session(make_config(driver="expert", task="nl_reach"), seed=3)
-    yield session
-    session.close()
+session = session_fixture(driver="expert", task="nl_reach")
 
 
 def drive(session, steps=200):

@@ -3,17 +3,10 @@
 import numpy as np
 import pytest
 
-from demo.session import Session
-from demo.session_config import make_config
 from language import HAND, NOUNS
-from tests.helpers.sessions import run_to_end
+from tests.helpers.sessions import run_to_end, session_fixture
 
-
-@pytest.fixture(scope="module")
-def session():
-    session = Session(make_config(task="nl_hand_over", driver="expert"), seed=3)
-    yield session
-    session.close()
+session = session_fixture(task="nl_hand_over", driver="expert")
 
 
 @pytest.mark.parametrize("sentence", ["hand me {}", "pls giv me {} now", "take {} and put it in my hand", None])

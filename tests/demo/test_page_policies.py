@@ -8,6 +8,7 @@ from core.errors import ConfigError
 from demo import session as session_module
 from demo.session import Session
 from demo.session_config import build, make_config
+from tests.helpers.sessions import session_fixture
 from tools.page_judge import figures, judge, section
 from tools.page_people import Script
 from trainers.export.publish import write_section
@@ -15,11 +16,7 @@ from trainers.export.publish import write_section
 CIRCUMSTANCES = 7  # of a task that reaches
 
 
-@pytest.fixture(scope="module")
-def reaching():
-    session = Session(make_config(driver="expert", objects=3), seed=3)
-    yield session
-    session.close()
+reaching = session_fixture(driver="expert", objects=3)
 
 
 def judged(session, count=CIRCUMSTANCES, seed=5):

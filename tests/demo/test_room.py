@@ -11,17 +11,13 @@ from demo.room import narrow, room_of
 from demo.session import Session
 from demo.session_config import default_task, make_config
 from language import LanguageError, Plan
-from tests.helpers.sessions import run_to_end
+from tests.helpers.sessions import run_to_end, session_fixture
 from trainers.export import policy_file
 
 SHUFFLES = 40  # until something can be said
 
 
-@pytest.fixture(scope="module")
-def session():
-    session = Session(make_config(task="anything", driver="expert"), seed=3)
-    yield session
-    session.close()
+session = session_fixture(task="anything", driver="expert")
 
 
 def names_in(session, *patterns):

@@ -11,21 +11,12 @@ from demo.session import Session
 from demo.session_config import make_config
 from human import Unreachable
 from language import LanguageError, Plan
-from tests.helpers.sessions import run_to_end
+from tests.helpers.sessions import run_to_end, session_fixture
+
+reaching = session_fixture(driver="expert", objects=3)
 
 
-@pytest.fixture(scope="module")
-def reaching():
-    session = Session(make_config(driver="expert", objects=3), seed=3)
-    yield session
-    session.close()
-
-
-@pytest.fixture(scope="module")
-def placing():
-    session = Session(make_config(task="nl_pick_and_place", driver="expert", objects=2), seed=1)
-    yield session
-    session.close()
+placing = session_fixture(seed=1, task="nl_pick_and_place", driver="expert", objects=2)
 
 
 @pytest.fixture(autouse=True)

@@ -26,7 +26,7 @@ from demo.shared_scene import (
     scene_of,
 )
 from language import Plan, Question
-from tests.helpers.sessions import run_to_end
+from tests.helpers.sessions import run_to_end, session_fixture
 
 SCENE = SharedScene(
     task="nl_reach",
@@ -39,11 +39,7 @@ SCENE = SharedScene(
 )
 
 
-@pytest.fixture(scope="module")
-def session():
-    session = Session(make_config(driver="expert"), seed=3)
-    yield session
-    session.close()
+session = session_fixture(driver="expert")
 
 
 def as_code(value):

@@ -12,12 +12,11 @@ from PIL import Image
 
 from core.errors import ConfigError
 from demo import sight_panel
-from demo.session import Session
-from demo.session_config import make_config
 from demo.shared_state import SharedState
 from demo.sight_panel import SightPanel
 from envs.perception import Detections, UnusablePicture
 from envs.perception.detections import COLOR_NAMES, NOUN_NAMES
+from tests.helpers.sessions import session_fixture
 
 
 class Truth:
@@ -40,11 +39,7 @@ class Truth:
         )
 
 
-@pytest.fixture(scope="module")
-def session():
-    session = Session(make_config(driver="expert", task="nl_reach"), seed=3)
-    yield session
-    session.close()
+session = session_fixture(driver="expert", task="nl_reach")
 
 
 def panel_of(session, load):

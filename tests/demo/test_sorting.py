@@ -4,28 +4,14 @@ import numpy as np
 import pytest
 
 from demo.room import room_of
-from demo.session import Session
-from demo.session_config import make_config
 from envs.tasks.sort import is_sorted
-from tests.helpers.sessions import run_to_end
+from tests.helpers.sessions import run_to_end, session_fixture
 
 SHUFFLES = 60  # until a scene has what is asked for
 
 
-def one_of(task):
-    session = Session(make_config(task=task, driver="expert"), seed=3)
-    yield session
-    session.close()
-
-
-@pytest.fixture(scope="module")
-def sorting():
-    yield from one_of("nl_sort")
-
-
-@pytest.fixture(scope="module")
-def room():
-    yield from one_of("anything")
+sorting = session_fixture(task="nl_sort", driver="expert")
+room = session_fixture(task="anything", driver="expert")
 
 
 def steps_of(session):

@@ -2,10 +2,9 @@
 
 import pytest
 
-from demo.session import Session
-from demo.session_config import make_config
 from demo.window_ui import HELP, WindowUI
 from tests.helpers.keys import RecordingDisplay
+from tests.helpers.sessions import session_fixture
 
 
 class Typist:
@@ -25,11 +24,7 @@ class Typist:
         return False
 
 
-@pytest.fixture(scope="module")
-def module_session():
-    session = Session(make_config(driver="expert"), seed=3)
-    yield session
-    session.close()
+module_session = session_fixture(driver="expert")
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import copy
 import re
 from pathlib import Path
 
-import pybullet as bullet
 import pybullet_data
 import pytest
 from omegaconf import OmegaConf
@@ -13,6 +12,7 @@ from core.errors import ConfigError
 from core.overrides import compose
 from envs import make_env, read_env
 from envs.workspace_env import WorkspaceEnv
+from tests.helpers.env_cases import clients
 
 DEFAULT = compose()
 
@@ -95,10 +95,6 @@ def built(words):
     return WorkspaceEnv(read_env(config))
 
 
-def connected():
-    return sum(bullet.isConnected(i) for i in range(64))
-
-
 @pytest.mark.parametrize(("words", "message"), TYPED)
 def test_words_that_mean_nothing_or_do_not_fit_are_an_error_that_names_them(words, message):
     with pytest.raises(ConfigError, match=re.escape(message)) as caught:
@@ -109,11 +105,11 @@ def test_words_that_mean_nothing_or_do_not_fit_are_an_error_that_names_them(word
 @pytest.mark.slow
 @pytest.mark.parametrize(("words", "message"), VALUES)
 def test_an_invalid_value_is_an_error_that_names_it(words, message):
-    before = connected()
+    before = clients()
     with pytest.raises(ConfigError, match=re.escape(message)) as caught:
         built(words)
     assert "\n" not in str(caught.value)
-    assert connected() == before
+    assert clients() == before
 
 
 @pytest.mark.parametrize(
@@ -177,12 +173,12 @@ JOINT = "lbr_iiwa_joint_4"
     ids=["text", "empty", "no link", "cut off", "mass nan", "mass -1", "low > high", "limit nan", "prismatic"],
 )
 def test_a_broken_urdf_is_an_error_that_names_it(text, message, tmp_path):
-    path, before = tmp_path / "broken.urdf", connected()
+    path, before = tmp_path / "broken.urdf", clients()
     path.write_text(text)
     with pytest.raises(ConfigError, match=re.escape(message)) as caught:
         built(f"robot.package=file robot.urdf={path}")
     assert f"robot.urdf={path}" in str(caught.value)
-    assert connected() == before
+    assert clients() == before
 
 
 def test_several_objects_without_words_are_an_error():

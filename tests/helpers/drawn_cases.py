@@ -6,7 +6,7 @@ from core.cameras import Camera, CameraFrame
 from envs.perception.hand_eye import PoseSeen, find_marker, marker_points
 from envs.perception.printed_board import GRIPPER_MARKER, PrintedBoard
 from envs.perception.robust_fit import angle_of, rotation, transform
-from tools.drawn_boards import Print, board_to_camera, draw, lens_of, worn
+from tools.drawn_boards import Print, board_to_camera, draw, gray, lens_of, worn
 
 FRONT = Camera(
     target=[0.44, 0.0, 0.1], distance=1.25, yaw=140.0, pitch=-48.0, fov=36.0, width=640, height=480, roll=1.5
@@ -19,15 +19,10 @@ PLACES = [[0.36, -0.2], [0.36, 0.2], [0.52, -0.2], [0.52, 0.2]]
 ON_GRIPPER = transform(rotation(np.array([0.1, -0.15, 0.05])) @ FRAME.axes.T, np.array([0.01, 0.02, 0.05]))
 
 
-def empty(camera=FRONT):
-    """A picture of a gray table."""
-    return np.full((camera.height, camera.width, 3), 150, np.uint8)
-
-
 def on_table(at, turn=0.0, seed=0, camera=FRONT, lens=None, **wear):
     """A picture of the board on the table."""
     to_camera = board_to_camera(CameraFrame.of(camera), np.array([*at, 0.0][:3]), turn, BOARD)
-    picture = draw(empty(camera), SHEET, to_camera, lens or lens_of(camera), supersampling=3)
+    picture = draw(gray(camera), SHEET, to_camera, lens or lens_of(camera), supersampling=3)
     return worn(picture, np.random.default_rng(seed), **wear)
 
 
@@ -37,7 +32,7 @@ def in_hand(seed, lens, tilt=0.6):
     place = [rng.uniform(-0.12, 0.12), rng.uniform(-0.08, 0.08), rng.uniform(0.45, 0.65)]
     to_camera = transform(rotation(rng.uniform(-tilt, tilt, 3)), np.array(place))
     middle = transform(np.eye(3), np.array([*(-BOARD.size / 2), 0.0]))
-    return worn(draw(empty(), SHEET, to_camera @ middle, lens, supersampling=3), rng)
+    return worn(draw(gray(FRONT), SHEET, to_camera @ middle, lens, supersampling=3), rng)
 
 
 def poses(rng, count=12, tilt=0.5, low=(0.32, -0.2, 0.06), high=(0.56, 0.2, 0.3)):
@@ -48,7 +43,7 @@ def poses(rng, count=12, tilt=0.5, low=(0.32, -0.2, 0.06), high=(0.56, 0.2, 0.3)
 def at_gripper(gripper, rng):
     """A picture of the marker on the gripper."""
     corner = transform(np.eye(3), np.array([-SIDE / 2, -SIDE / 2, 0.0]))
-    return worn(draw(empty(), MARKER, TO_CAMERA @ gripper @ ON_GRIPPER @ corner, LENS, supersampling=3), rng)
+    return worn(draw(gray(FRONT), MARKER, TO_CAMERA @ gripper @ ON_GRIPPER @ corner, LENS, supersampling=3), rng)
 
 
 def seen_at(grippers, rng):

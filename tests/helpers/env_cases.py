@@ -4,6 +4,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import pybullet as bullet
 import torch
 import yaml
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
@@ -220,3 +221,8 @@ def check_same_bits(made, policy, between=None):
         assert differences(paced(again, policy(again))[:, :2], fresh) == []
         again.close()
     return fresh
+
+
+def clients():
+    """How many of PyBullet's clients are connected: it numbers them from 0 and has room for 1024."""
+    return sum(bullet.isConnected(i) for i in range(64))

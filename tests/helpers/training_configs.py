@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import torch
 from omegaconf import OmegaConf
+from torchrl.envs import EnvBase
 
 from trainers.config import TrainingConfig, read_training
+from trainers.models.policy import Policy, build_policy
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -44,3 +47,9 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
 
 def training(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ...] = ()) -> TrainingConfig:
     return read_training(config(algo, policy, overrides))
+
+
+def policy_of(env: EnvBase) -> Policy:
+    """The policy of `training()` for an environment, with the same weights each time."""
+    torch.manual_seed(0)
+    return build_policy(training().policy, env.observation_spec, env.action_unit)

@@ -11,8 +11,8 @@ from core.cameras import Camera, CameraFrame
 from envs.perception.calibration import CalibrationError, find_board
 from envs.perception.hand_eye import PoseSeen, from_gripper, from_wrist
 from envs.perception.robust_fit import inverse, rotation, transform
-from tests.helpers.drawn_cases import BOARD, LENS, ON_GRIPPER, SHEET, empty, errors, poses, seen_at
-from tools.drawn_boards import board_to_camera, draw, worn
+from tests.helpers.drawn_cases import BOARD, FRONT, LENS, ON_GRIPPER, SHEET, errors, poses, seen_at
+from tools.drawn_boards import board_to_camera, draw, gray, worn
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_a_camera_on_the_gripper_is_placed_from_a_board_that_lies_anywhere():
         frame = CameraFrame.of(wrist, (place, gripper[:3, :3]))
         to_camera = board_to_camera(frame, np.array([0.4, 0.05, 0.02]), 33.0, BOARD)
         try:
-            board = find_board(worn(draw(empty(), SHEET, to_camera, lens, supersampling=3), rng), BOARD, str(index))
+            board = find_board(worn(draw(gray(FRONT), SHEET, to_camera, lens, supersampling=3), rng), BOARD, str(index))
         except CalibrationError:
             continue
         seen.append(PoseSeen(str(index), gripper, board.pixels, np.pad(board.corners, ((0, 0), (0, 1)))))

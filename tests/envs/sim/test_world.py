@@ -7,8 +7,9 @@ import numpy as np
 import pybullet as bullet
 import pytest
 import torch
+from torchrl.collectors import Collector
 
-from tests.helpers.env_cases import BARE_FLANGES, ROBOTS, TOUCHING, Poker, act, hold, make
+from tests.helpers.env_cases import BARE_FLANGES, ROBOTS, TOUCHING, Poker, act, clients, hold, make
 
 
 @pytest.mark.slow
@@ -129,11 +130,6 @@ def test_memory_is_flat_over_many_resets(render):
     env.close()
 
 
-def clients():
-    """How many clients are connected: PyBullet numbers them from 0 and has room for 1024."""
-    return sum(bullet.isConnected(i) for i in range(64))
-
-
 def test_close_frees_the_worlds_and_is_idempotent():
     before = clients()
     env = make("kuka", worlds=3)
@@ -151,4 +147,14 @@ def test_worlds_can_be_made_and_closed_repeatedly():
         env = make("kuka", worlds=2)
         act(env, env.reset(), torch.zeros(2, 3))
         env.close()
+    assert clients() == before
+
+
+def test_a_collector_frees_the_worlds_of_its_environment():
+    before, env = clients(), make("kuka", "step", "nl_reach", worlds=2)
+    collector = Collector(env, None, frames_per_batch=4, total_frames=-1)
+    next(iter(collector))
+    assert clients() == before + 2
+    collector.shutdown()
+    assert env.is_closed
     assert clients() == before

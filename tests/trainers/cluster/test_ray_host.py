@@ -11,13 +11,12 @@ import pytest
 import torch
 
 from core.errors import ConfigError
-from tests.helpers.fake_env import make_crashing, make_env
+from tests.helpers.fake_env import make_crashing, make_env, same
 from tests.helpers.ray_cases import listening
-from tests.helpers.training_configs import training
+from tests.helpers.training_configs import policy_of
 from trainers.collect.rollouts import CollectionError, Rollouts
 from trainers.collect.worker import Worker, WorkerSpec
 from trainers.config import RayCollectorConfig
-from trainers.models.policy import build_policy
 
 HORIZON = 4
 CONFIG = RayCollectorConfig(
@@ -33,16 +32,6 @@ CONFIG = RayCollectorConfig(
     dashboard=False,
 )
 pytestmark = pytest.mark.slow
-
-
-def policy_of(env):
-    torch.manual_seed(0)
-    return build_policy(training().policy, env.observation_spec, env.action_unit)
-
-
-def same(one, other):
-    keys = one.exclude("collector").keys(include_nested=True, leaves_only=True)
-    return all(torch.equal(one[key], other[key]) for key in keys)
 
 
 def shifted(policy):

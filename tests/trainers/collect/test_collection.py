@@ -13,19 +13,13 @@ import pytest
 import torch
 
 from core.errors import Interrupted
-from tests.helpers.fake_env import make_crashing, make_env
+from tests.helpers.fake_env import make_crashing, make_env, same
 from tests.helpers.processes import parent_of, wait_for_end
-from tests.helpers.training_configs import training
+from tests.helpers.training_configs import policy_of, training
 from trainers.collect.rollouts import CollectionError, Rollouts
 from trainers.collect.worker import Worker, WorkerSpec
-from trainers.models.policy import build_policy
 
 HORIZON = 4
-
-
-def policy_of(env):
-    torch.manual_seed(0)
-    return build_policy(training().policy, env.observation_spec, env.action_unit)
 
 
 def two_workers(make, policy, *overrides):
@@ -38,12 +32,6 @@ def expected(policy, batches):
     """The batches of two workers, collected by this process alone."""
     workers = [Worker(make_env, policy.act, WorkerSpec(i, 4, HORIZON, 0)) for i in range(2)]
     return [torch.cat([worker.collect(k)[0] for worker in workers]) for k in range(batches)]
-
-
-def same(one, other):
-    """Whether two batches are bit-equal, apart from the numbers that TorchRL gives to trajectories."""
-    keys = one.exclude("collector").keys(include_nested=True, leaves_only=True)
-    return all(torch.equal(one[key], other[key]) for key in keys)
 
 
 def test_a_batch_does_not_depend_on_other_use_of_the_global_generator():
