@@ -95,3 +95,66 @@ def test_all_things_of_a_kind_or_a_colour_are_listed(world: WorldModel) -> None:
         _answer(world, "which cubes are red or blue")
         == "The blue cube and the red cube in the blue drawer are red or blue."
     )
+
+
+@pytest.mark.parametrize(
+    ("told", "forms"),
+    [
+        (
+            "drawer",
+            (
+                "where is the {} cube?",
+                "where exactly is the {} cube",
+                "where did the {} block go",
+                "in which place is the {} cube",
+                "location of the {} cube?",
+                "what about the {} cube, where is it",
+                "do you know where the {} one is?",
+                "tell me the position of the {} cube",
+            ),
+        ),
+        (
+            "in the blue drawer",
+            ("do you see if the {} cube is in the drawer", "is the {} block in there, in the drawer?"),
+        ),
+    ],
+)
+def test_a_thing_is_told_where_it_is_and_not_moved(world: WorldModel, told: str, forms: tuple[str, ...]) -> None:
+    for form in forms:
+        assert told in _answer(world, form.format("red")), form
+
+
+@pytest.mark.parametrize(("box", "is_open"), [("drawer", True), ("fridge", False)])
+def test_containers_are_told_open_or_closed_and_what_is_in_them(world: WorldModel, box: str, is_open: bool) -> None:
+    for form in (
+        "is the {} open?",
+        "do you see if the {} is open",
+        "has the {} been opened",
+        "did someone leave the {} open?",
+    ):
+        assert _answer(world, form.format(box)).startswith("Yes" if is_open else "No"), form
+    for form in ("is the {} open or closed?", "open or closed, the {}?", "how is the {}", "what state is the {} in"):
+        assert ("open" if is_open else "closed") in _answer(world, form.format(box)), form
+    for form in ("what's in the {}?", "content of the {}?", "what can be found in the {}", "what does the {} contain"):
+        assert ("red cube" if is_open else "Nothing") in _answer(world, form.format(box)), form
+
+
+def test_one_of_two_is_chosen_by_where_it_is(world: WorldModel) -> None:
+    for form in (
+        "which is closer to the lever, the {} cube or the {} cube?",
+        "is the {} or the {} cube closer to the lever?",
+        "which one is nearer to the lever, {} or {}?",
+        "which cube is closer to the lever: {} or {}?",
+    ):
+        for pair in (("gray", "yellow"), ("yellow", "gray")):
+            assert _answer(world, form.format(*pair)).startswith("The gray cube"), (form, pair)
+    for form in ("which is further left, {} or {}?", "which cube is more to the left, the {} one or the {} one?"):
+        assert _answer(world, form.format("gray", "yellow")).startswith("The yellow cube"), form
+    for form in ("which cube is closest to the lever?", "which of the cubes is the closest to the lever"):
+        assert "gray cube" in _answer(world, form), form
+
+
+def test_what_is_not_there_is_not_what_is_held(world: WorldModel) -> None:
+    held = world.after(next(iter(Dialogue().answer("lift the gray cube", world).steps)))
+    assert _answer(held, "do you have a purple block?").startswith("No")
+    assert "gray cube" in _answer(held, "do you have something in your gripper?")
