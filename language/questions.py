@@ -39,6 +39,7 @@ _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": 
 _OPERATED = dict.fromkeys(("pressed", "down", "switched", "turned", "moved", "flipped", "pushed", "on"), 1)
 _OPERATED |= {"up": 0, "off": 0}
 _GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to")  # a phrase that ends so is not whole
+_KNOWN = r"(?:do|can|have|did) (?:you|we|i) (?:have|see|know|got|find|own|recogni[sz]e|spot)\b|(?:is|are) there\b"
 _SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
 _CLOSE = r"(?:right|directly|just|immediately)"
 _WORKED = re.compile(
@@ -412,8 +413,12 @@ class Questions(Alternatives):
             text = shorter
         text = re.sub(r" (?:here|there)$", "", text)
         entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
-        if entity is None and re.match(r"(?:do|can|have|is there|are there)\b", match[0]) and len(text.split()) < 5:
-            return f"no: I know of no {_plain(text)} here"
+        if entity is None and re.match(rf"{_KNOWN}|can you\b", match[0]) and len(text.split()) < 5:
+            return (
+                f"no: I know of no {_plain(text)} here"
+                if re.match(_KNOWN, match[0])
+                else f"no, I cannot {_plain(text)}"
+            )
         rest = text_of(scan(text)[entity.span[1] :]) if entity is not None else ""
         if entity is None or re.search(r"[a-z]", _ADDING.sub("", f"{rest} ")):  # "is the red cube dirty?"
             return None
@@ -454,7 +459,7 @@ class Questions(Alternatives):
             entity, fits = self.refs(phrase_words)
             if entity is not None and entity.span[1] < len(scan(phrase_words)):
                 return None
-            known = entity is not None and (noun or entity.superlative or entity.ordinal)
+            known = entity is not None and (noun or entity.superlative or entity.ordinal or text.startswith("was "))
             fits = [i for i in fits if self.world.is_loose(i)] or fits
             return self.names(fits) if known and fits else None
         fits = [i for i in self._others(things, match[0]) if stated.holds(i)]
@@ -592,5 +597,7 @@ def _plain(text: str) -> str:
     """Return the words of a phrase without its article, and with those after prepositions."""
     plain = " ".join(token.text for token in scan(text) if token.text not in ("a", "an", "any", "some"))
     return re.sub(
-        rf"\b(in|on|under|behind|near|to|of|inside|from) (?=(?:(?:{COLOR}) )?(?:{THING})\b)", r"\1 the ", plain
+        rf"\b(in|on|under|behind|near|to|of|inside|from) (?=(?:(?:{COLOR}) )?(?:{THING}|table|left|right|middle)\b)",
+        r"\1 the ",
+        plain,
     )

@@ -114,7 +114,7 @@ class SelfAnswers(ABC):
 
     def vacancy(self, match: re.Match[str]) -> str | None:
         """Say whether there is room for a thing in a container or in the person's hand."""
-        self.things = self.holders(match[1])
+        self.things = self.holders(match[1] or "it")
         full = [i for i in self.things if self.world.contents(i)]
         if not self.things or not full:
             return f"yes: nothing is in {self.names(self.things)}" if self.things else None
