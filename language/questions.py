@@ -39,6 +39,7 @@ _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": 
 _OPERATED = dict.fromkeys(("pressed", "down", "switched", "turned", "moved", "flipped", "pushed", "on"), 1)
 _OPERATED |= {"up": 0, "off": 0}
 _GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to")  # a phrase that ends so is not whole
+_SEEING = r"(?:any|there|you|we|see|find|know|have|spot|got|recogni[sz]e|still|also|an?|some)"
 _KNOWN = r"(?:do|can|have|did) (?:you|we|i) (?:have|see|know|got|find|own|recogni[sz]e|spot)\b|(?:is|are) there\b"
 _SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
 _CLOSE = r"(?:right|directly|just|immediately)"
@@ -404,21 +405,12 @@ class Questions(Alternatives):
 
     def exists(self, match: re.Match[str]) -> str | None:
         """Say whether something of the kind is there."""
-        text = re.sub(
-            rf"^(?:{_BE}|any|there|you|we|see|find|know|have|spot|got|recogni[sz]e|still|also|a) ", "", match[0]
-        )
-        while (
-            shorter := re.sub(r"^(?:any|there|you|we|see|find|know|have|got|still|also|a|an|some) ", "", text)
-        ) != text:
-            text = shorter
+        text = re.sub(rf"^(?:{_BE} )?(?:{_SEEING} )*", "", match[0])
         text = re.sub(r" (?:here|there)$", "", text)
         entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
         if entity is None and re.match(rf"{_KNOWN}|can you\b", match[0]) and len(text.split()) < 5:
-            return (
-                f"no: I know of no {_plain(text)} here"
-                if re.match(_KNOWN, match[0])
-                else f"no, I cannot {_plain(text)}"
-            )
+            text, known = _plain(text), re.match(_KNOWN, match[0])
+            return f"no: I know of no {text} here" if known else f"no, I cannot {text}"
         rest = text_of(scan(text)[entity.span[1] :]) if entity is not None else ""
         if entity is None or re.search(r"[a-z]", _ADDING.sub("", f"{rest} ")):  # "is the red cube dirty?"
             return None
