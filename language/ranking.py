@@ -77,6 +77,20 @@ class Rankings(Comparisons):
         self.compared = tuple(i for i in among if i != best), tuple(anchors)
         return self._distances(among, anchors[0], best) if anchors else self._told(best, "place")
 
+    def margin(self, match: re.Match[str]) -> str | None:
+        """Say how much nearer the thing of the last comparison is than the next one: "by how much?"."""
+        turn = next((turn for turn in reversed(self.turns[-2:]) if turn.beside and len(turn.about) > 1), None)
+        if turn is None:
+            return None
+        things, (*rest, best) = self.world.things, turn.about
+        x, y = things[turn.beside[0]].x, things[turn.beside[0]].y
+        off = {i: math.hypot(things[i].x - x, things[i].y - y) for i in turn.about}
+        other = min(rest, key=lambda i: abs(off[i] - off[best]))
+        self.things, self.compared = [best], (tuple(rest), turn.beside)
+        gap, unit = abs(off[other] - off[best]), "cells" if self.world.cells else "cm"
+        told = self._distances([best, other], turn.beside[0], best)
+        return f"by {gap if self.world.cells else 100 * gap:.0f} {unit}: {told}"
+
     def _distances(self, among: list[int], anchor: int, best: int) -> str:
         """Return how far some things are from another one, the chosen one first."""
         things, unit = self.world.things, "cells" if self.world.cells else "cm"

@@ -110,10 +110,12 @@ def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
     if put is None:
         return []
     noun = old.noun if old.noun in ENCLOSING else None
-    steps = [
-        replace(each, entity=other) if noun and each.entity is not None and each.entity.noun == noun else each
-        for each in last.steps
-    ]
+    shown = old.pointed if isinstance(old.pointed, Gesture) else None
+
+    def same(entity: Entity | None) -> bool:
+        return entity is not None and (entity.noun == noun if noun else shown is not None and entity.pointed == shown)
+
+    steps = [replace(each, entity=other) if same(each.entity) else each for each in last.steps]
     return [replace(last, steps=(*steps[:at], *put.steps, *steps[at + 1 :]), cost=0.0)]
 
 
