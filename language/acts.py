@@ -390,6 +390,7 @@ _SOMEWHERE = (
 _PERCEIVE = r"(?:do|can|have|could) (?:you|we|i) (?:see|have|got|find|spot|notice)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"(which(?: \w+)?) (?:still )?remains? (.+)", r"\1 are \2"),
+    (r"what else is (?:there|here|left)(?: (?:for|to) .+)?", "what is there apart from it"),
     (r"by how much(?: (?:roughly|about|exactly|approximately))*", "how much closer is it"),
     (r"(which|what)(?: \w+)? of (?:\w+ )?(?:two|three|them|these|those|cubes|blocks) (did|have) (.+)", r"\1 one \2 \3"),
     (

@@ -492,7 +492,8 @@ class Dialogue(Conditions):
                 rest = re.sub(r"^(?:is|are|has|was) ", "", asked) if IT_SHALL.match(then[2]) else then[2]
             outcome = trial._answer(rest, ()) if parts_of(rest) else None
             self.homeward = trial.homeward
-            if isinstance(outcome, Plan | Question) or (then and isinstance(outcome, Refusal)):
+            exclaims = told is None and re.match(r"what an? ", asked)  # "what a nice one! now ..."
+            if isinstance(outcome, Plan | Question) or ((then or exclaims) and isinstance(outcome, Refusal)):
                 return outcome
         if told is not None:
             return Answer(sentence, 1.0, (), span, about=about, text=told)

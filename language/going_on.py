@@ -26,6 +26,10 @@ _FAR_SIDE = re.compile(
     r"(?:its |it 's )?(?:other|opposite|far(?= side of it)) side"
     rf"(?: (?:of|from) (?P<of>it|that(?: one)?|this|(?:{COLOR})(?: one| cube| block| ball)?|\w+(?= ?$)))?"
 )
+_BETWEEN = re.compile(  # what the other side comes to: "so that gray is in the middle"
+    r"^(?: ,)? (?:so|such|so that|such that) \w+(?: one| cube| block)? (?:is|stands|sits|ends up|will be|comes)"
+    r"(?: right)? (?:in middle|between (?:them|two|both|those)|in between)(?: of (?:them|two|both))?"
+)
 _SIDES = {"left": "to left of", "right": "to right of", "front": "in front of", "behind": "behind"}
 _TOWARD = {"left": "left", "right": "right", "front": "front", "behind": "back"}
 _ELSEWHERE = re.compile(  # "the same with X, right side"
@@ -68,6 +72,8 @@ class GoingOn(Corrections):
                     continue
                 shown = place.anchors[0].pointed
                 others = [i for i in turn.about if i not in moved]
+                if place.anchors[0].kind == "it":  # what was spoken of before
+                    others += [i for i in self.planner().recent if i not in moved and self.now.is_loose(i)]
                 anchor = shown.things[0] if isinstance(shown, Gesture) and shown.things else next(iter(others), None)
                 if anchor is not None:
                     return moved[-1], anchor, place
@@ -100,8 +106,9 @@ class GoingOn(Corrections):
         along = {side: float(np.dot(world.toward(_TOWARD[side]), off)) for side in _SIDES}
         side = _SIDES[min(along, key=lambda each: along[each])]
         apart = 100 * (math.hypot(*off) - (one.width + other.width) / 2)
+        rest = _BETWEEN.sub("", text[match.end() :])
         measure = f"{max(apart, 1):.0f} cm " if match["far"] else ""
-        return f"{text[: match.start()]}{measure}{side} {name(world, anchor)}{text[match.end() :]}"
+        return f"{text[: match.start()]}{measure}{side} {name(world, anchor)}{rest}"
 
     def _same_elsewhere(self, sentence: str, text: str) -> Outcome | None:
         """Return the plan of "the same with X, right side" after something was put beside another thing."""
@@ -136,7 +143,17 @@ class GoingOn(Corrections):
                 return None
         kind, goal = world.things[used].kind, steps[-1].goal
         left = [i for i, thing in enumerate(world.things) if thing.kind == kind and not thing.target]
-        left = [i for i in left if i not in (used, goal)]
+        but = [
+            a
+            for clause in self.last.steps
+            if clause.entity
+            for each in clause.entity.relations
+            for a in each.anchors
+            if each.name == "not"
+        ]
+        resolver = self.planner().resolver(world, (), None)
+        excepted = {i for each in but for ref in resolver.resolve(each)[:1] for i in ref.things[-1:]}
+        left = [i for i in left if i not in (used, goal, *excepted)]
         if not left:
             return None
         return Question(sentence, 0.5, text=which(world, left), candidates=tuple(left), reading=self.last)
@@ -164,8 +181,9 @@ class GoingOn(Corrections):
         words = " ".join(parts[0].words)
         if not takes_back(parts) or question(words) or not re.search(rf"\b(?:{COLOR}|{THING}|it|that|them)\b", words):
             return None
-        _, refs = phrase(self.now, self.planner(), scan(words))
-        about = tuple(i for ref in refs[:1] for i in ref.things[-1:] if not self.now.things[i].target)
+        head = re.split(r" (?:on|onto|in|into|next|to|left|right|behind|under|near|at|beside)\b", words)[0]
+        things = [i for ref in phrase(self.now, self.planner(), scan(head))[1] for i in ref.things[-1:]]
+        about = tuple(i for i in things if self.now.is_loose(i) and not self.now.things[i].target)[:1]
         text = "All right, I do nothing. Say what I shall do next"
         return Answer(sentence, 1.0, (), (0, len(sentence)), about=about, text=text)
 

@@ -19,7 +19,7 @@ _ITEM = rf"(?:(?:{COLOR})(?: (?:{_NOUN}|{THING}|ones?))?|drawer|fridge|button|le
 ITEMS = rf"{_ITEM}(?:(?: ,)? (?:(?:or|and|nor)(?: rather)?|,) {_ITEM})+"
 _NUMBERS = {"two": 2, "three": 3, "four": 4, "both": 2}
 GROUP = (
-    r"(?:(?:(?:all|these|those|them|they|both|two|three|four|other|last|first)(?: of)? ?)+"
+    r"(?:(?:(?:all|these|those|them|they|both|two|three|four|others?|rest|last|first)(?: of)? ?)+"
     rf"(?:\b(?:ones?|{_NOUN}|them|these|those|spoken of|mentioned))?)"
 )
 _MUCH = r"(?:(?:a|bit|little|much|even|now|then|actually|really|currently|right now|still|rather) )*"
@@ -108,6 +108,9 @@ class Rankings(Comparisons):
         noun, group = said.get("noun") or "", said.get("among") or ""
         if not group and noun not in ("one", "ones"):
             return None
+        if re.search(r"\b(?:others?|rest)\b", group):
+            one = self.world.held if self.world.held is not None else next(iter(self.planner.it), None)
+            return [i for i in self._all(True) if i != one]
         number = next((_NUMBERS[word] for word in group.split() if word in _NUMBERS), 0)
         kinds = re.search(r"cube|block|brick", f"{noun} {group}") is not None
         return self.spoken_of(number, kinds or None, bool(group))

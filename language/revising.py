@@ -20,6 +20,7 @@ _ASIDE = re.compile(  # "move to the left"
     r"(?:left|right|back|forwards?|backwards?|up|down|higher|lower)\b(?: please)?\W*$",
     re.IGNORECASE,
 )
+_ON_ITSELF = re.compile(r"\b(?:on|onto|on top of|in|into|inside|next to|beside|under|behind) itself\b", re.IGNORECASE)
 _GOING = (*ONTO, "near")  # relations to what the gripper goes to
 MOVED = 0.06  # of the distance between neighbours: a thing that was to move and moved less is where it was
 
@@ -349,7 +350,9 @@ def no_direction(world: WorldModel) -> str:
 
 
 def aside(world: WorldModel, text: str) -> str:
-    """Return why the arm itself does not go to a side, if that is what a sentence asks of one that cannot; or ""."""
+    """Return why a sentence asks for what cannot be: an arm that goes to a side, a thing put on itself; or ""."""
+    if not world.cells and _ON_ITSELF.search(text):
+        return "nothing goes on, in or next to itself"
     return no_direction(world) if world.only and _ASIDE.match(text) else ""
 
 

@@ -144,3 +144,29 @@ def test_a_container_that_need_not_be_open_is_closed():
 def test_a_reason_before_it_does_not_hide_that_the_arm_may_go_on():
     outcome = outcome_of("give me the red cube / stop / sorry, he had his fingers in there. you can go on")
     assert outcome.control == "continue"
+
+
+def test_what_is_left_as_it_is_is_spoken_of():
+    turns = "put blue on yellow / and red on top of yellow, or wait, leave it where it is / put it in the drawer"
+    assert put(turns, room()).object == RED
+
+
+def test_the_other_things_are_all_but_the_one_that_is_held():
+    outcome = outcome_of("take the red cube / which of the others is nearest to the drawer?", room())
+    assert outcome.about == (BLUE,)
+
+
+def test_a_thing_on_nothing_that_was_spoken_of_is_asked_about_and_on_itself_refused():
+    assert isinstance(outcome_of("put the yellow cube on it"), Question)
+    assert "itself" in outcome_of("stack the red cube on itself").text
+
+
+def test_how_much_nearer_something_is_is_told_after_a_comparison():
+    outcome = outcome_of("which is nearer to the yellow cube, blue or red? / by how much roughly?")
+    assert isinstance(outcome, Answer)
+    assert "cm" in outcome.text
+
+
+def test_what_was_taken_back_is_meant_after_all():
+    step = put("take red / put it on the yellow, ehm, on the blue one / no, I did mean yellow, sorry", room())
+    assert (step.object, step.goal) == (RED, YELLOW)
