@@ -155,6 +155,22 @@ def parts_of(sentence: str) -> list[Part]:
     return [part._replace(act=None) if side else part for part, side in zip(found, sided, strict=True)]
 
 
+_LEFT = re.compile(
+    r"(?:(?:or|no|wait|hang on|hold on|actually|but|just|please|better|rather|well|oh|hm|on second thoughts?) )*"
+    r"(?:(?:leave|keep|let) (?:it|that|them|everything|things)"
+    r"(?: (?:(?:where|as|how|like) (?:it|they|that|things) (?:is|are|was|were)|alone|be|there|here))?"
+    r"|never mind|nevermind|forget (?:it|that|about it)|do not)(?: for now| after all| then| please)*"
+)
+_WAITS = re.compile(r"\b(?:wait|no|actually|second thoughts?|hang on|hold on|rather|better)\b")
+
+
+def takes_back(parts: Sequence[Part]) -> bool:
+    """Whether the last part of a sentence takes its command back: "put it there, or wait, leave it where it is"."""
+    last = next((at for at, part in enumerate(parts) if at and _LEFT.fullmatch(" ".join(part.words))), 0)
+    said = " ".join(word for part in parts[1:] for word in part.words)
+    return last == len(parts) - 1 > 0 and parts[0].act is None and _WAITS.search(said) is not None
+
+
 def says_nothing(part: Part) -> bool:
     """Whether a part is small talk, about people or the occasion, or a few words that name nothing: "cheese!"."""
     strange = [word for word in part.words if len(word) > 1 and word not in FILLERS]
@@ -272,7 +288,7 @@ def plainly(sentence: str) -> str:
 
 
 _OPENING = re.compile(
-    r"^(?:(?:excuse me|pardon(?: me)?|sorry(?: to (?:bother|ask|disturb)(?: you)?)?"
+    r"^(?:(?:excuse me|wait|hang on|hold on|pardon(?: me)?|sorry(?: to (?:bother|ask|disturb)(?: you)?)?"
     r"|(?:just )?(?:one|a|quick|small)(?: quick| small| last)? question"
     r"|kindly|by the way|and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
     rf"|{TELLING}|(?:do you |you )?have (?:you )?(?:any|an) idea|please tell me|tell me please|can you say"
@@ -356,6 +372,14 @@ _SOMEWHERE = (
 )
 _PERCEIVE = r"(?:do|can|have|could) (?:you|we|i) (?:see|have|got|find|spot|notice)"
 _IMPERATIVES = (  # what asks without a question word, or in another form
+    (r"(which(?: \w+)?) (?:still )?remains? (.+)", r"\1 are \2"),
+    (r"what else is (?:there|here|left)(?: (?:for|to) .+)?", "what is there apart from it"),
+    (r"by how much(?: (?:roughly|about|exactly|approximately))*", "how much closer is it"),
+    (r"(which|what)(?: \w+)? of (?:\w+ )?(?:two|three|them|these|those|cubes|blocks) (did|have) (.+)", r"\1 one \2 \3"),
+    (
+        r"(?:which|what)(?: one| cube| block| thing)? is ((?!not\b)(?:\w+ ){0,2}?\w+) (?:next to|near|beside)(?: now)?",
+        r"where is \1",
+    ),
     (  # "of these two, which one is closer?"
         r"(?:(?:out )?(?:of|from|between|among) )?([^,]+? (?:or|and) [^,]+?|(?<=of )[^,]+?) [,:] "
         rf"(which|what|who)(?: (?:one|cube|block|of (?:them|these|those|two)))* (is|was|are|{_STANDS}) (.+)",
@@ -413,7 +437,7 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"count(?: up)? (?:how many )?(?!out\b)(.+?)(?: and (?:report|tell|say|give)\b.*)?", r"how many \1"),
     (r"(?:name|state|report|give(?: me)?) (?:a )?colou?rs? of (.+)", r"what colour is \1"),
     (
-        r"(?:what is|how (?:big|large|wide|long) is) (?:a )?(?:gap|distance|space|room)(?: like)? (?:from|between)"
+        r"(?:(?:what is|how (?:big|large|wide|long) is) )?(?:a )?(?:gap|distance|space|room)(?: like)? (?:from|between)"
         r" (.+?) (?:to|and) (.+)",
         r"how far is \1 from \2",
     ),

@@ -35,7 +35,7 @@ class Alternatives(Rankings):
             what, rest = what + rest, ""
         things = self.subject(re.sub(rf"\b({COLOR})(?=$| and\b| or\b| ,)", r"\1 one", what))
         if not things:
-            return asked
+            return head + rest if what in ("it", "that") else asked  # nothing was spoken of
         self.excepted = things
         return re.sub(r"\belse\b ?", "", head + rest)
 

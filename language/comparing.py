@@ -21,6 +21,11 @@ _SIZE = "|".join(_LARGER)
 _EQUAL = "big|large|small|wide|tall|high"
 _ALIKE = {"color": "color", "colour": "color", "shape": "kind", "kind": "kind", "type": "kind", "thing": "kind"}
 _SUPERLATIVE = re.compile(rf"(?P<how>(?:most )?\w+)(?: (?P<noun>{THING}|things?|objects?|devices?))?(?: (?P<of>.+))?")
+_ALONE = re.compile(  # of what is in no stack
+    r"(?:standing |lying |sitting |left |all )*(?:on (?:their|its) own|(?:all )?alone|by (?:itself|themselves)|single"
+    r"|separate|unstacked|un ?stacked|nothing (?:on|on top|above)(?: of)?(?: (?:it|them))?"
+    r" (?:and|or|nor) (?:nothing )?(?:under|below|underneath|beneath)(?: (?:it|them))?)"
+)
 _EVERYWHERE = r" (?:here|there|of all|of them|in room|on table|you (?:see|have)|one|ones)$"
 
 
@@ -59,6 +64,9 @@ class Comparisons(SelfAnswers):
     def part(self, plain: str) -> Predicate | None:
         """Return the predicate of what is in a part of the table, or in one of several containers."""
         world = self.world
+        if _ALONE.fullmatch(plain):
+            standing = [i for i in range(len(world.things)) if world.is_on_ground(i) and world.above[i] is None]
+            return Predicate(lambda i: i in standing if world.is_loose(i) else None, "place")
         if within := re.fullmatch(r"(?:in|inside)(?: of)? (.+? (?:and|or) .+)", plain):
             boxes = self.subject(re.sub(r"\b(and|or) (?:in|inside) ", r"\1 ", within[1])) or []
             if boxes and all(i in world.containers for i in boxes):

@@ -12,7 +12,7 @@ from functools import cache
 from typing import NamedTuple
 
 from language.acts import CONDITION, Part, parts_of, question
-from language.corrections import Corrections
+from language.going_on import GoingOn
 from language.meanings import Gesture
 from language.normalise import plain_start
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
@@ -171,7 +171,7 @@ def _joined(steps: Sequence[tuple[str, str]]) -> str:
 
 
 @dataclass
-class Conditions(Corrections):
+class Conditions(GoingOn):
     """Compares the conditions of a sentence with the world."""
 
     def _of_turns(self, sentence: str, text: str, made: tuple[Gesture, ...]) -> Outcome | None:
@@ -180,7 +180,12 @@ class Conditions(Corrections):
         found = found or self._unheld(sentence, text) or self._first(sentence, text, made)
         found = found or self._chosen_by_wish(text, made) or self._across_it(sentence, text)
         found = found or self._contrasted(sentence) or self._same_after(sentence, made)
-        return found or self._of_those(sentence, made)
+        return (
+            found
+            or self._same_elsewhere(sentence, text)
+            or self._meant_first(sentence, text)
+            or self._of_those(sentence, made)
+        )
 
     def _first(self, sentence: str, text: str, made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the plan of "take it out first" after a refusal, and of what was refused, if that is possible then.

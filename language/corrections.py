@@ -13,7 +13,7 @@ from functools import reduce
 
 import numpy as np
 
-from language.acts import Part, question
+from language.acts import Part, act_of, question
 from language.lattice import Lattice
 from language.meanings import Clause, Measure, Reading, RelationPhrase
 from language.ordering import TIMES
@@ -184,7 +184,8 @@ class Corrections(Replies):
     def _redone(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the plan that was undone last, or one more undo: "redo", "again"; None if nothing was undone last."""
         last = next((turn for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
-        if last is None or not isinstance(last.outcome, Signal) or last.outcome.control != "undo":
+        undid = last is not None and isinstance(last.outcome, Signal) and last.outcome.control == "undo"
+        if last is None or not (undid or act_of([token.text for token in scan(last.sentence)]) == "undo"):
             return None
         if not {"redo", "do", "did", "undo"} & {*words}:
             return self._undone(sentence, 1)
@@ -202,7 +203,8 @@ class Corrections(Replies):
             return None
         back = restoring(self.now, done.world)
         planner = self.planner(world=done.world)
-        planner.it = planner.it if put[-1].goal is None else (put[-1].goal,)
+        if put[-1].goal is not None and planner.it[:1] == (put[-1].object,):  # "put red on it instead"
+            planner.it = (put[-1].goal,)
         tried = settled(sentence, choices(words, planner), planner) if back else outcome
         carried = [step for step in getattr(tried, "steps", ()) if step.carries]
         moved = {step.object for step in put}

@@ -139,6 +139,8 @@ class Dialogue(Conditions):
         if (chat := self._stated(sentence, parts)) is not None:
             return chat
         text = without_idle(sentence, parts)
+        if (left := self._left(sentence, parts)) is not None:
+            return left
         if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
             return Signal(sentence, 1.0, (), span, control="stop", text=f"All right, I do nothing. {_NEXT}")
         if (told := self._then_asks(sentence, parts, made) or self._asked(sentence, text, made)) is not None:
@@ -215,7 +217,8 @@ class Dialogue(Conditions):
                 if about or (any(word not in vocabulary() for word in rest) and len(rest) > 3)
                 else _social(sentence, self.now)
             )
-        if act is None or (act not in ("stop", "wait") and not isinstance(outcome, Answer)):
+        halted = act == "continue" and self.turns and isinstance(self.turns[-1].outcome, Signal)  # "it's gone, go on"
+        if act is None or (act not in ("stop", "wait") and not halted and not isinstance(outcome, Answer)):
             return None  # other signals are meant only where nothing else is asked for
         if act == "wait" and any(part.act is None and command_word().match(" ".join(part.words)) for part in parts):
             return None  # "no, wait, put it on the blue one"
@@ -315,6 +318,8 @@ class Dialogue(Conditions):
         did = next((turn.outcome for turn in reversed(self.turns) if not isinstance(turn.outcome, Answer)), None)
         if back := self._undone_together(words):
             return self._undone(sentence, back)
+        if (further := self._retried(words) or self._not_that(sentence, words)) is not None:
+            return replace(further, sentence=sentence)
         if act is None:
             return None
         if act in ("social", "sorry"):
@@ -483,7 +488,8 @@ class Dialogue(Conditions):
                 rest = re.sub(r"^(?:is|are|has|was) ", "", asked) if IT_SHALL.match(then[2]) else then[2]
             outcome = trial._answer(rest, ()) if parts_of(rest) else None
             self.homeward = trial.homeward
-            if isinstance(outcome, Plan | Question) or (then and isinstance(outcome, Refusal)):
+            exclaims = told is None and re.match(r"what an? ", asked)  # "what a nice one! now ..."
+            if isinstance(outcome, Plan | Question) or ((then or exclaims) and isinstance(outcome, Refusal)):
                 return outcome
         if told is not None:
             return Answer(sentence, 1.0, (), span, about=about, text=told)

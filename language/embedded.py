@@ -10,9 +10,13 @@ _ASKER = (  # "might I trouble you to", "would you be so good as to", "who can"
     r"|kindly|just|need)"
 )
 TELLING = (  # what comes before a question that is asked within another sentence
-    rf"(?:{_ASKER} )*tell(?:ing)? (?:me|us|everyone|everybody)|let (?:me|us) see(?! what (?:do|did) (?:i|we)\b)"
+    rf"(?:{_ASKER} )*tell(?:ing)? (?:me|us|everyone|everybody|him|her|them"
+    r"|(?:(?:my|our|these|this|a) )?\w+(?= (?:if|whether|what|where|which|who|how|why)\b))"
+    r"|let (?:me|us) see(?! what (?:do|did) (?:i|we)\b)"
     r"|say|do you know|do you happen to know|any idea|i wonder|i am wondering|i was wondering|i want to know"
-    r"|i would like to know|let me know|do you remember|remind me|explain"
+    r"|i (?:(?:would|do|will|now|also|just|really|still|then) )*(?:like|want|love|need|wish)"
+    r" to (?:know|hear|learn|see)"
+    r"(?= (?:if|whether|what|where|which|who|how|why)\b)|let me know|do you remember|remind me|explain"
 )
 _TELLS = (
     rf"(?:{TELLING}|do you have (?:any|an) idea|have you any idea|i need to know|report"

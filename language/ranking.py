@@ -19,7 +19,7 @@ _ITEM = rf"(?:(?:{COLOR})(?: (?:{_NOUN}|{THING}|ones?))?|drawer|fridge|button|le
 ITEMS = rf"{_ITEM}(?:(?: ,)? (?:(?:or|and|nor)(?: rather)?|,) {_ITEM})+"
 _NUMBERS = {"two": 2, "three": 3, "four": 4, "both": 2}
 GROUP = (
-    r"(?:(?:(?:all|these|those|them|they|both|two|three|four|other|last|first)(?: of)? ?)+"
+    r"(?:(?:(?:all|these|those|them|they|both|two|three|four|others?|rest|last|first)(?: of)? ?)+"
     rf"(?:\b(?:ones?|{_NOUN}|them|these|those|spoken of|mentioned))?)"
 )
 _MUCH = r"(?:(?:a|bit|little|much|even|now|then|actually|really|currently|right now|still|rather) )*"
@@ -77,6 +77,20 @@ class Rankings(Comparisons):
         self.compared = tuple(i for i in among if i != best), tuple(anchors)
         return self._distances(among, anchors[0], best) if anchors else self._told(best, "place")
 
+    def margin(self, match: re.Match[str]) -> str | None:
+        """Say how much nearer the thing of the last comparison is than the next one: "by how much?"."""
+        turn = next((turn for turn in reversed(self.turns[-2:]) if turn.beside and len(turn.about) > 1), None)
+        if turn is None:
+            return None
+        things, (*rest, best) = self.world.things, turn.about
+        x, y = things[turn.beside[0]].x, things[turn.beside[0]].y
+        off = {i: math.hypot(things[i].x - x, things[i].y - y) for i in turn.about}
+        other = min(rest, key=lambda i: abs(off[i] - off[best]))
+        self.things, self.compared = [best], (tuple(rest), turn.beside)
+        gap, unit = abs(off[other] - off[best]), "cells" if self.world.cells else "cm"
+        told = self._distances([best, other], turn.beside[0], best)
+        return f"by {gap if self.world.cells else 100 * gap:.0f} {unit}: {told}"
+
     def _distances(self, among: list[int], anchor: int, best: int) -> str:
         """Return how far some things are from another one, the chosen one first."""
         things, unit = self.world.things, "cells" if self.world.cells else "cm"
@@ -94,6 +108,9 @@ class Rankings(Comparisons):
         noun, group = said.get("noun") or "", said.get("among") or ""
         if not group and noun not in ("one", "ones"):
             return None
+        if re.search(r"\b(?:others?|rest)\b", group):
+            one = self.world.held if self.world.held is not None else next(iter(self.planner.it), None)
+            return [i for i in self._all(True) if i != one]
         number = next((_NUMBERS[word] for word in group.split() if word in _NUMBERS), 0)
         kinds = re.search(r"cube|block|brick", f"{noun} {group}") is not None
         return self.spoken_of(number, kinds or None, bool(group))

@@ -83,7 +83,7 @@ PREFERS = re.compile(  # another thing than that with which the last plan did so
     r"|\bmake (?:that|it)\b|\b(?:will|would|wd|'ll|'d) (?:also )?do\b|\bshould have been\b",
     re.IGNORECASE,
 )
-_BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "nearest")  # places beside another thing
+BESIDE = ("near", "left", "right", "front", "behind", "toward", "away", "nearest")  # places beside another thing
 
 
 @dataclass
@@ -158,7 +158,7 @@ class Replies(Recollections):
         if done is None or getattr(done.outcome, "reading", None) is not last or place is None or self.now.cells:
             return last
         at = [step.place for step in getattr(done.outcome, "steps", ()) if step.carries and step.place is not None]
-        if place.name not in _BESIDE or len(place.anchors) != 1 or place.anchors[0].kind != "thing" or not at:
+        if place.name not in BESIDE or len(place.anchors) != 1 or place.anchors[0].kind != "thing" or not at:
             return last
         refs = [ref for ref in self.planner().resolver(done.world, ()).resolve(place.anchors[0]) if ref.things]
         if len(refs) < 2:
@@ -240,8 +240,8 @@ class Replies(Recollections):
 
         text: the words of the sentence.
         """
-        if (corner := self._opposite_corner(text)) is not None:
-            return corner
+        if (place := self._opposite_corner(text) or self._far_side(text)) is not None:
+            return place
         match = _LEVEL.match(text)
         last = self.last.steps[-1] if self.last is not None else None
         if match is None or last is None or last.act is not Act.BUILD or self.now.flat_only:
@@ -250,6 +250,9 @@ class Replies(Recollections):
         if self.it and not any(ref.things[-1] in self.it for ref in named if ref.things):  # the tower grows
             return None
         return f"stack them all, {match['thing']} at the {match['level']}"
+
+    def _far_side(self, text: str) -> str | None:
+        raise NotImplementedError
 
     def _opposite_corner(self, text: str) -> str | None:
         """Return plain words with the corner that is opposite the place where something was put last; or None."""
@@ -280,7 +283,7 @@ class Replies(Recollections):
         """
         match, done, world = _NEARER.match(text), self.done(), self.now
         places = self.last.steps[-1].places if self.last is not None else ()
-        anchors = [each for place in places if place.name in _BESIDE for each in place.anchors if each.kind == "thing"]
+        anchors = [each for place in places if place.name in BESIDE for each in place.anchors if each.kind == "thing"]
         steps = (
             done.outcome.steps
             if done is not None and any(turn is done for turn in self.turns[-3:]) and isinstance(done.outcome, Plan)
@@ -413,10 +416,19 @@ class Replies(Recollections):
         """Return the outcome of the sentence that was asked about, with this thing where it left something open."""
         if self.last is None:
             return None
-        slots = ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
+        loose = self.now.is_loose(index) and self._encloses(self.last.steps[-1])
+        slots = ("object",) if loose else ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
         name_of = "in" if index in self.now.containers else "on"
         tried = [each for slot in slots if (each := filled(self.last, pinned(index), slot, name_of)) is not None]
         return self._tried(sentence, tried, found, back=True)
+
+    def _encloses(self, clause: Clause) -> bool:
+        """Whether a clause puts something into a container, for which no loose thing can stand."""
+        place = clause.places[0] if clause.places else None
+        if place is None or place.name in ("in", "into"):
+            return place is not None
+        refs = self.planner().resolver(self.now, self.it, None).resolve(place.anchors[0]) if place.anchors else []
+        return bool(refs) and refs[0].things[-1:] != () and refs[0].things[-1] in self.now.containers
 
     def _asks_goal(self, asked: Question) -> bool:
         """Whether the candidates of a question are places, not objects, of its sentence."""
@@ -426,8 +438,7 @@ class Replies(Recollections):
         if clause.act in (Act.TAKE, Act.HOLD) and not clause.places and clause.entity is not None:
             return False
         resolver = self.planner().resolver(self.now, self.it)
-        into = resolver.resolve(clause.places[0].anchors[0]) if clause.places and clause.places[0].anchors else []
-        if into and into[0].things[-1:] and into[0].things[-1] in self.now.containers:  # no loose thing is another one
+        if self._encloses(clause):
             return any(i in self.now.containers for i in asked.candidates)
         if clause.entity is None or clause.entity.kind == "it":
             return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)

@@ -20,6 +20,7 @@ _ASIDE = re.compile(  # "move to the left"
     r"(?:left|right|back|forwards?|backwards?|up|down|higher|lower)\b(?: please)?\W*$",
     re.IGNORECASE,
 )
+_ON_ITSELF = re.compile(r"\b(?:on|onto|on top of|in|into|inside|next to|beside|under|behind) itself\b", re.IGNORECASE)
 _GOING = (*ONTO, "near")  # relations to what the gripper goes to
 MOVED = 0.06  # of the distance between neighbours: a thing that was to move and moved less is where it was
 
@@ -99,10 +100,12 @@ def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
     old = last.steps[at].places[0].anchors[0]
     put = filled(Reading((replace(last.steps[at], entity=one),)), other, "goal")
     noun = old.noun if old.noun in ENCLOSING else None
-    steps = [
-        replace(each, entity=other) if noun and each.entity is not None and each.entity.noun == noun else each
-        for each in last.steps
-    ]
+    shown = old.pointed if isinstance(old.pointed, Gesture) else None
+
+    def same(entity: Entity | None) -> bool:
+        return entity is not None and (entity.noun == noun if noun else shown is not None and entity.pointed == shown)
+
+    steps = [replace(each, entity=other) if same(each.entity) else each for each in last.steps]
     return [replace(last, steps=(*steps[:at], *put.steps, *steps[at + 1 :]), cost=0.0)]
 
 
@@ -331,7 +334,9 @@ def no_direction(world: WorldModel) -> str:
 
 
 def aside(world: WorldModel, text: str) -> str:
-    """Return why the arm itself does not go to a side, if that is what a sentence asks of one that cannot; or ""."""
+    """Return why a sentence asks for what cannot be: an arm that goes to a side, a thing put on itself; or ""."""
+    if not world.cells and _ON_ITSELF.search(text):
+        return "nothing goes on, in or next to itself"
     return no_direction(world) if world.only and _ASIDE.match(text) else ""
 
 

@@ -27,6 +27,11 @@ _DEED = re.compile(
     r"(?:did|have) (?:you|we|i) (?:already |just |ever |really |even )*(?P<verb>\w+(?: (?:up|down|out|off))?)"
     r" (?P<what>.+?)(?: yet| already| before| again| up| down| away| back)*$"
 )
+_CHOICES = re.compile(  # after a question that offers some things
+    r"(?:what|which)(?: ones?| cubes?| blocks?| things?| colou?rs?| choices?| options?)?(?: else)?"
+    r" (?:do|have|did|can) (?:you|we|i)(?: have| got| offer| choose(?: from)?| mean| pick(?: from)?)*"
+    r"(?: there| here| then)*"
+)
 _MORE = re.compile(
     r"\b(?:doing|made|worth|used|standing|sitting|lying|resting|\w+(?:est|most))\b| (?:on|in|under|to|of|at|for)$"
 )
@@ -64,6 +69,10 @@ class SelfAnswers(ABC):
     def held(self, match: re.Match[str]) -> str | None:
         """Say what the gripper or the person's hand holds."""
         world = self.world
+        asked = next((turn.outcome for turn in self.turns[-1:] if isinstance(turn.outcome, Question)), None)
+        if asked is not None and asked.candidates and _CHOICES.fullmatch(match.string):
+            self.things = list(asked.candidates)
+            return f"I asked about {self.names(self.things)}"
         mine = re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding|got)\b|am i\b|have i\b", match.string)
         if mine and world.hand is not None:
             self.things = inside = world.contents(world.hand)

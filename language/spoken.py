@@ -22,14 +22,41 @@ _PRAISE = re.compile(
 
 
 def fluent(sentence: str) -> str:
-    """Return a sentence without praise before "but", and without what its speaker begins again."""
+    """Return a sentence without praise before "but", and without what its speaker begins again or takes back."""
     sentence = _PRAISE.sub("", sentence)
+    sentence = _DID_MEAN.sub(r"\1 meant", _SHOULD.sub(r"\1 would ", sentence))
+    sentence = _AGAIN.sub("", _HALTED.sub("", sentence))
     for _ in range(3):
         shorter = _BEGUN.sub(lambda match: match["before"], sentence)
         if shorter == sentence:
             break
         sentence = shorter
     return sentence
+
+
+_ER = r"(?:u+h*m+|u+h+|e+r+m*|e+h+m*|h+m+|\u00e4h+m?|no|sorry|wait|i mean)"
+_JOIN = (
+    r"(?:on top of|next to|in front of|(?:to the )?(?:left|right) of|on|onto|in|into|inside|behind|under|near|beside|to"
+    r"|at|by)"
+)
+_PHRASE = r"(?:(?!(?:and|or|then|but)\b)[\w']+\s+){0,3}?(?:(?!(?:and|or|then|but)\b)[\w']+)"
+_HALTED = re.compile(  # "on the yellow, ehm, on the cyan one"
+    rf"\b(?P<wrong>(?P<join>{_JOIN})\s+(?:the\s+)?{_PHRASE})\s*(?:,|\.\.+|\u2026|-|\u2013|\u2014)*\s*"
+    rf"\b(?:{_ER}\b\s*(?:,|\.\.+|\u2026|-|\u2013|\u2014)*\s*)+(?=(?P=join)\s+\w)",
+    re.IGNORECASE,
+)
+_AGAIN = re.compile(  # "on the, um, the yellow one"
+    r"\b(?P<word>[\w']+)\s*[,.\u2026\u2013\u2014-]*\s*"
+    r"\b(?:u+h*m+|u+h+|e+r+m*|e+h+m+|h+m+)\b\s*[,.\u2026\u2013\u2014-]*\s*"
+    r"(?=(?P=word)\b)",
+    re.IGNORECASE,
+)
+_SHOULD = re.compile(
+    r"\b(I|we) should (?=(?:(?:now|also|just|really|still|then|very much|rather) )*"
+    r"(?:like|love|prefer|be (?:glad|happy|grateful|obliged|pleased|delighted))\b)",
+    re.IGNORECASE,
+)
+_DID_MEAN = re.compile(r"\b(I) (?:did|do) (?:really |actually |in fact )?mean\b", re.IGNORECASE)
 
 
 _BEFORE_A_THING = frozenset(

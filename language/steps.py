@@ -452,7 +452,7 @@ class Steps:
         if not found and itself and others:  # "put it next to it", after both were named
             found = spots(resolver, index, (place_at(others[0], places[0].name), *places[1:]), typed)
         if not found:
-            reason = "impossible" if itself else "nowhere"
+            reason = ("impossible" if self.it else "where") if itself else "nowhere"
             own = itself and plan.it[:1] in ((), (index,))
             why = "nothing goes on, in or next to itself" if own else "no place fits"
             yield replace(plan, failure=why, reason=reason, entity=anchor)

@@ -1,0 +1,200 @@
+"""Sentences that go on from what was done: "on the other side", "the same on the right", "not that one either"."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from language.acts import Part, question, takes_back
+from language.corrections import Corrections
+from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal
+from language.planning import CARRY
+from language.replies import BESIDE
+from language.revising import TURNED, filled, pinned
+from language.scanning import COLOR, THING, scan
+from language.settling import which
+from language.talk import name, phrase
+
+_IDLE = r"(?:(?:please|now|then|and|so|but|okay|well|just|also|oh|hm|no|sorry|actually|good|great|fine|thanks|,|\.) )*"
+_FAR_SIDE = re.compile(
+    r"(?P<far>(?:,? ?(?:but )?(?:at|in) (?:exactly )?same distance(?: away)?,? )?)(?:but |over )?(?:on|to|at|onto) "
+    r"(?:its |it 's )?(?:other|opposite|far(?= side of it)) side"
+    rf"(?: (?:of|from) (?P<of>it|that(?: one)?|this|(?:{COLOR})(?: one| cube| block| ball)?|\w+(?= ?$)))?"
+)
+_BETWEEN = re.compile(  # what the other side comes to: "so that gray is in the middle"
+    r"^(?: ,)? (?:so|such|so that|such that) \w+(?: one| cube| block)? (?:is|stands|sits|ends up|will be|comes)"
+    r"(?: right)? (?:in middle|between (?:them|two|both|those)|in between)(?: of (?:them|two|both))?"
+)
+_SIDES = {"left": "to left of", "right": "to right of", "front": "in front of", "behind": "behind"}
+_TOWARD = {"left": "left", "right": "right", "front": "front", "behind": "back"}
+_ELSEWHERE = re.compile(  # "the same with X, right side"
+    rf"{_IDLE}(?:do |repeat )?(?:exactly )?same(?: thing| again)? (?:with|for|to) (?P<what>[^,.;]+?)"
+    r"(?: ,| \.)?(?: but| only| just| this time)* (?:(?:on|to|at|in) )?(?:its )?"
+    r"(?P<side>left|right|front|behind|other|back)"
+    r"(?: hand)?(?: side)?(?:(?: of)? (?:it|that(?: one)?))?(?: this time| instead| please)*"
+)
+_AFTER_ALL = r"(?: after all| either| any ?more| any longer| then| anyway| please)*"
+_NOT_THAT = re.compile(
+    rf"{_IDLE}not (?P<what>that(?: one)?|this(?: one)?|it|(?:(?!after\b|another\b|other\b)\w+ ?){{1,3}}?)"
+    rf"(?P<all>{_AFTER_ALL})"
+    r"(?P<other>(?:(?: ,| \.| ;)*(?: but| please| maybe| rather| give me| take| use)*"
+    r" (?:a )?(?:another|other|different|some other|any other)(?: one| cube| block)?)?(?: please| instead)*)"
+)
+_BEFORE = r"on|onto|on top of|in|into|next to|near|beside|behind|of|to|under|at"
+_MEANT = re.compile(
+    rf"{_IDLE}(?:i (?:meant|mean)|it was) (?P<what>[\w ]+?)(?: after all| first| in fact| sorry| please)*"
+)
+_RETRY = re.compile(
+    rf"{_IDLE}(?:(?:you can|you may|can you|could you|try to|try and|go ahead and|go on and|let us|maybe) )*{_IDLE}"
+    r"(?:do (?:it|that|so|what i (?:said|asked|wanted)(?: before| first| earlier)?)|try(?: (?:it|that))?)"
+    r"(?P<when>(?: (?:now|again|once more|then|please|after all))*)"
+)
+
+
+@dataclass
+class GoingOn(Corrections):
+    """Understands sentences that say only what is different from what was done, asked or refused last."""
+
+    def _beside(self) -> tuple[int, int, RelationPhrase] | None:
+        """Return what was put beside another thing last, that thing, and in which relation to it."""
+        for turn in reversed(self.turns):
+            outcome = turn.outcome
+            reading = outcome.reading if isinstance(outcome, Plan) else None
+            for clause in reversed(reading.steps if reading is not None else ()):
+                place = next((each for each in clause.places if each.name in BESIDE and each.anchors), None)
+                moved = [step.object for step in getattr(outcome, "steps", ()) if step.carries]
+                if place is None or not moved or place.anchors[0].kind not in ("thing", "it"):
+                    continue
+                shown = place.anchors[0].pointed
+                others = [i for i in turn.about if i not in moved]
+                if place.anchors[0].kind == "it":  # what was spoken of before
+                    others += [i for i in self.planner().recent if i not in moved and self.now.is_loose(i)]
+                anchor = shown.things[0] if isinstance(shown, Gesture) and shown.things else next(iter(others), None)
+                if anchor is not None:
+                    return moved[-1], anchor, place
+        return None
+
+    def _far_side(self, text: str) -> str | None:
+        """Return plain words with the side of a thing that is opposite to where another one was put; or None.
+
+        text: the words of the sentence.
+        """
+        match, put = _FAR_SIDE.search(text), self._beside()
+        if match is None or not match.start() or self.now.cells:
+            return None
+        said = match["of"] if match["of"] not in ("it", "that", "that one", "this") else None
+        refs = (
+            phrase(self.now, self.planner(), scan(f"{said} one" if said and " " not in said else said))[1]
+            if said
+            else []
+        )
+        named = [i for ref in refs for i in ref.things[-1:] if not self.now.things[i].target]
+        anchor = named[0] if named else put[1] if put is not None and not said else None
+        done = self.done()
+        moved = [step.object for step in getattr(done and done.outcome, "steps", ()) if step.carries]
+        there = [i for i in reversed(moved) if i != anchor and self.now.is_on_ground(i)]
+        there = there or ([put[1]] if put is not None and put[0] == anchor else [])  # "Z on the other side of X"
+        if anchor is None or not there or name(self.now, there[0]) in text:
+            return None
+        world, (one, other) = self.now, (self.now.things[there[0]], self.now.things[anchor])
+        off = one.x - other.x, one.y - other.y
+        along = {side: float(np.dot(world.toward(_TOWARD[side]), off)) for side in _SIDES}
+        side = _SIDES[min(along, key=lambda each: along[each])]
+        apart = 100 * (math.hypot(*off) - (one.width + other.width) / 2)
+        rest = _BETWEEN.sub("", text[match.end() :])
+        measure = f"{max(apart, 1):.0f} cm " if match["far"] else ""
+        return f"{text[: match.start()]}{measure}{side} {name(world, anchor)}{rest}"
+
+    def _same_elsewhere(self, sentence: str, text: str) -> Outcome | None:
+        """Return the plan of "the same with X, right side" after something was put beside another thing."""
+        match, put = _ELSEWHERE.fullmatch(text), self._beside()
+        if match is None or put is None:
+            return None
+        _, anchor, place = put
+        entity, refs = phrase(self.now, self.planner(), scan(match["what"]))
+        if entity is None or not refs or entity.span != (0, len(scan(match["what"]))):
+            return None
+        side = {"back": "behind", "other": TURNED.get(place.name, "")}.get(match["side"], match["side"])
+        if not side:
+            return None
+        beside = replace(place, name=side, anchors=(pinned(anchor),))
+        loose = replace(entity, noun=entity.noun or "cube") if self._fits(replace(entity, noun="cube")) else entity
+        return self._settle(sentence, Reading((Clause(CARRY, loose, (beside,)),)))
+
+    def _fits(self, entity: Entity) -> bool:
+        return any(ref.things for ref in self.planner().resolver(self.now, (), None).resolve(entity))
+
+    def _not_that(self, sentence: str, words: Sequence[str]) -> Outcome | None:
+        """Return the question that "not that one after all" leads to, after something was done with it."""
+        match, done = _NOT_THAT.fullmatch(" ".join(words)), self.done()
+        steps = [step for step in getattr(done and done.outcome, "steps", ()) if not step.implied]
+        if match is None or not steps or self.last is None or not (match["all"] or match["other"]):
+            return None
+        used, world = steps[-1].object, self.now
+        if not re.fullmatch(r"(?:that|this)(?: one)?|it", match["what"]):
+            tokens = scan(match["what"])
+            entity, refs = phrase(world, self.planner(), tokens)
+            if entity is None or entity.span != (0, len(tokens)) or not any(used in ref.things for ref in refs):
+                return None
+        kind, goal = world.things[used].kind, steps[-1].goal
+        left = [i for i, thing in enumerate(world.things) if thing.kind == kind and not thing.target]
+        but = [
+            a
+            for clause in self.last.steps
+            if clause.entity
+            for each in clause.entity.relations
+            for a in each.anchors
+            if each.name == "not"
+        ]
+        resolver = self.planner().resolver(world, (), None)
+        excepted = {i for each in but for ref in resolver.resolve(each)[:1] for i in ref.things[-1:]}
+        left = [i for i in left if i not in (used, goal, *excepted)]
+        if not left:
+            return None
+        return Question(sentence, 0.5, text=which(world, left), candidates=tuple(left), reading=self.last)
+
+    def _meant_first(self, sentence: str, text: str) -> Outcome | None:
+        """Return the plan with what the last sentence took back: "on yellow, ehm, on cyan", "I did mean yellow"."""
+        match, last = _MEANT.fullmatch(text), self.turns[-1] if self.turns else None
+        if match is None or last is None or not isinstance(last.outcome, Plan) or self.last is None:
+            return None
+        words, tokens = [token.text for token in scan(last.sentence)], scan(match["what"])
+        entity, refs = phrase(self.now, self.planner(), tokens)
+        color = next((token.text for token in tokens if re.fullmatch(COLOR, token.text)), None)
+        if entity is None or entity.span != (0, len(tokens)) or color not in words or not refs[:1]:
+            return None
+        index, places = refs[0].things[-1], self.last.steps[-1].places
+        done = {i for step in last.outcome.steps for i in (step.object, step.goal)}
+        goal = filled(self.last, pinned(index), "goal") if places and places[0].anchors else None
+        said = " ".join(words[max(words.index(color) - 3, 0) : words.index(color)])
+        if index in done or goal is None or not re.search(rf"\b(?:{_BEFORE})$", said):
+            return None
+        return self._tried(sentence, [goal], restore=True)
+
+    def _left(self, sentence: str, parts: Sequence[Part]) -> Answer | None:
+        """Return the answer to a command that is taken back: "red on blue, or wait, leave it where it is"."""
+        words = " ".join(parts[0].words)
+        if not takes_back(parts) or question(words) or not re.search(rf"\b(?:{COLOR}|{THING}|it|that|them)\b", words):
+            return None
+        head = re.split(r" (?:on|onto|in|into|next|to|left|right|behind|under|near|at|beside)\b", words)[0]
+        things = [i for ref in phrase(self.now, self.planner(), scan(head))[1] for i in ref.things[-1:]]
+        about = tuple(i for i in things if self.now.is_loose(i) and not self.now.things[i].target)[:1]
+        text = "All right, I do nothing. Say what I shall do next"
+        return Answer(sentence, 1.0, (), (0, len(sentence)), about=about, text=text)
+
+    def _retried(self, words: Sequence[str]) -> Outcome | None:
+        """Return what comes of "now you can do it", where what was asked for before could not be done then."""
+        match = _RETRY.fullmatch(" ".join(words))
+        turns = [turn for turn in self.turns[-4:] if not isinstance(turn.outcome, Answer)]
+        if match is None or not turns:
+            return None
+        again = {"now", "again", "then"} & {*words}
+        refused = [turn for turn in turns if isinstance(turn.outcome, Refusal) and turn.outcome.reading is not None]
+        if not refused or not again:
+            return None
+        return self.copy()._answer(refused[-1].sentence, ())

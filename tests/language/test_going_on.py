@@ -1,0 +1,172 @@
+"""Turns that say only what is different: another side, another thing, the same once it is possible, or nothing."""
+
+import pytest
+
+from language import Answer, Plan, Question
+from tests.helpers.room_cases import (
+    BLUE,
+    CYAN,
+    DRAWER,
+    FRIDGE,
+    ORANGE,
+    RED,
+    YELLOW,
+    asked_steps,
+    larger_room,
+    outcome_of,
+    room,
+)
+
+
+def put(turns, world=None):
+    """The step of the last turn that puts something somewhere."""
+    outcome = outcome_of(turns, world or larger_room())
+    assert isinstance(outcome, Plan), outcome
+    return [step for step in outcome.steps if step.carries][-1]
+
+
+@pytest.mark.parametrize(
+    ("turns", "thing"),
+    [
+        ("put the red cube left of the yellow one / and the blue one on the other side", BLUE),
+        ("put the red cube left of the yellow one / now blue on the other side of yellow", BLUE),
+        ("put the red cube left of the yellow one / put blue at the same distance on the other side", BLUE),
+        ("put the red cube left of the yellow one / put it on the opposite side of the yellow cube", RED),
+        ("put the red cube left of the yellow one / same with blue, right side", BLUE),
+        ("put the red cube left of the yellow one / the same with blue but on the right of it", BLUE),
+        ("put the red cube left of the yellow one / the same with blue, on the other side", BLUE),
+    ],
+)
+def test_the_other_side_is_across_from_what_was_put_down_last(turns, thing):
+    step, yellow = put(turns), larger_room().things[YELLOW]
+    assert step.object == thing
+    assert step.place[1] < yellow.y - 0.04
+    assert abs(step.place[0] - yellow.x) < 0.06
+
+
+def test_the_other_side_of_the_thing_that_moved_is_across_from_what_it_stands_beside():
+    step = put("put the yellow cube right of the red one / now the orange one on the other side of yellow")
+    assert step.object == ORANGE
+    assert step.place[1] < larger_room().things[RED].y - 0.1
+
+
+@pytest.mark.parametrize("turn", ["good, now you can do it", "now do it", "now try again", "OK then do it now please"])
+def test_what_was_refused_is_done_when_it_has_become_possible(turn):
+    world = room(inside={RED: DRAWER}, open=frozenset([DRAWER]))
+    step = put(f"put the yellow cube in the drawer / then take the red one out of there / {turn}", world)
+    assert (step.object, step.goal) == (YELLOW, DRAWER)
+
+
+@pytest.mark.parametrize(
+    "turn", ["not that one either", "no, not orange after all. another one", "hm, not the orange one after all"]
+)
+def test_what_was_used_is_taken_back_for_one_that_is_asked_for(turn):
+    before = f"open the drawer / put the orange cube in it / {turn}"
+    asked = outcome_of(before, larger_room())
+    assert isinstance(asked, Question)
+    assert set(asked.candidates) == {YELLOW, BLUE, RED, CYAN}
+    outcome = outcome_of(f"{before} / cyan will do", larger_room())
+    assert [(step.object, step.goal) for step in outcome.steps if step.carries] == [(ORANGE, None), (CYAN, DRAWER)]
+
+
+def test_the_same_with_another_thing_and_another_container():
+    outcome = outcome_of("put yellow in the fridge and close it / and the same with red and the drawer")
+    assert [step.object for step in outcome.steps if step.object in (DRAWER, FRIDGE)] == [DRAWER, DRAWER]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "goal"),
+    [
+        ("put red on the yellow, ehm, on the blue one", BLUE),
+        ("put red on the yellow one... uh, on the blue one", BLUE),
+        ("put red in the fridge, no, in the drawer", DRAWER),
+        ("put red on the, um, the blue one", BLUE),
+    ],
+)
+def test_a_phrase_that_is_said_anew_replaces_the_one_before(sentence, goal):
+    assert put(sentence, room()).goal == goal
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "red on top of blue, or wait, leave it where it is",
+        "put red on blue, no wait, leave it",
+        "put red on blue, actually don't",
+        "put red in the drawer. no, never mind",
+    ],
+)
+def test_a_command_that_is_taken_back_is_not_carried_out(sentence):
+    assert isinstance(outcome_of(sentence), Answer)
+
+
+def test_what_is_left_open_or_put_down_is_not_taken_back():
+    assert asked_steps(outcome_of("open the drawer and leave it open")) == [("open", DRAWER)]
+    assert put("put the red cube on the blue one, but leave it there", room()).goal == BLUE
+
+
+@pytest.mark.parametrize(
+    ("turns", "names"),
+    [
+        ("I should now like to know which cubes remain on the table.", ["yellow", "red"]),
+        ("Wonderful. Can you tell the class where the red cube is?", ["red cube"]),
+        ("Could you tell my students which containers are closed?", ["drawer", "fridge"]),
+        ("put red next to yellow / Which one of the two did you move last?", ["red"]),
+        ("put red next to yellow / good. which one is it next to now?", ["yellow"]),
+        ("put red on yellow / how many are still standing on their own?", ["one (1): the blue cube"]),
+        ("put red on yellow / which cubes have nothing on top and nothing under them?", ["blue cube"]),
+        ("give me one of the cubes / which ones do you have?", ["yellow", "blue", "red"]),
+    ],
+)
+def test_questions_of_a_conversation_are_answered(turns, names):
+    outcome = outcome_of(turns)
+    assert isinstance(outcome, Answer), outcome
+    assert all(name in outcome.text for name in names), outcome.text
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "In that case I should like you to open the drawer, if it is no trouble.",
+        "Very kind of you. Do open the drawer.",
+    ],
+)
+def test_long_polite_forms_ask_for_the_same(sentence):
+    assert asked_steps(outcome_of(sentence)) == [("open", DRAWER)]
+
+
+def test_a_container_that_need_not_be_open_is_closed():
+    world = room(open=frozenset([DRAWER]))
+    for sentence in ("and that drawer doesn't need to be open, does it", "it doesn't have to stay open"):
+        assert asked_steps(outcome_of(f"is the drawer open? / {sentence}", world)) == [("close", DRAWER)]
+
+
+def test_a_reason_before_it_does_not_hide_that_the_arm_may_go_on():
+    outcome = outcome_of("give me the red cube / stop / sorry, he had his fingers in there. you can go on")
+    assert outcome.control == "continue"
+
+
+def test_what_is_left_as_it_is_is_spoken_of():
+    turns = "put blue on yellow / and red on top of yellow, or wait, leave it where it is / put it in the drawer"
+    assert put(turns, room()).object == RED
+
+
+def test_the_other_things_are_all_but_the_one_that_is_held():
+    outcome = outcome_of("take the red cube / which of the others is nearest to the drawer?", room())
+    assert outcome.about == (BLUE,)
+
+
+def test_a_thing_on_nothing_that_was_spoken_of_is_asked_about_and_on_itself_refused():
+    assert isinstance(outcome_of("put the yellow cube on it"), Question)
+    assert "itself" in outcome_of("stack the red cube on itself").text
+
+
+def test_how_much_nearer_something_is_is_told_after_a_comparison():
+    outcome = outcome_of("which is nearer to the yellow cube, blue or red? / by how much roughly?")
+    assert isinstance(outcome, Answer)
+    assert "cm" in outcome.text
+
+
+def test_what_was_taken_back_is_meant_after_all():
+    step = put("take red / put it on the yellow, ehm, on the blue one / no, I did mean yellow, sorry", room())
+    assert (step.object, step.goal) == (RED, YELLOW)
