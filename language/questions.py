@@ -412,7 +412,7 @@ class Questions(Alternatives):
             text = shorter
         text = re.sub(r" (?:here|there)$", "", text)
         entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
-        self.things = things = [i for i in things if i not in self.excepted]
+        things = [i for i in things if i not in self.excepted]
         if entity is None and re.match(r"(?:do|can|have|is there|are there)\b", match[0]) and len(text.split()) < 5:
             return f"no: I know of no {_plain(text)} here"
         rest = " ".join(token.text for token in scan(text)[entity.span[1] :]) if entity is not None else ""
