@@ -408,6 +408,7 @@ class Questions(Alternatives):
         text = re.sub(rf"^(?:{_BE} )?(?:{_SEEING} )*", "", match[0])
         text = re.sub(r" (?:here|there)$", "", text)
         entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
+        things = [i for i in things if i not in self.excepted]
         if entity is None and re.match(rf"{_KNOWN}|can you\b", match[0]) and len(text.split()) < 5:
             text, known = _plain(text), re.match(_KNOWN, match[0])
             return f"no: I know of no {text} here" if known else f"no, I cannot {text}"

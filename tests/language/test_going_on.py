@@ -170,3 +170,10 @@ def test_how_much_nearer_something_is_is_told_after_a_comparison():
 def test_what_was_taken_back_is_meant_after_all():
     step = put("take red / put it on the yellow, ehm, on the blue one / no, I did mean yellow, sorry", room())
     assert (step.object, step.goal) == (RED, YELLOW)
+
+
+def test_what_is_left_out_of_a_question_is_not_among_what_there_is():
+    text = outcome_of("are there any cubes apart from the red one?").text
+    assert "yellow cube" in text
+    assert "red cube" not in text
+    assert "blue cube" in outcome_of("give me the red cube / what else is there to play with?").text
