@@ -69,6 +69,7 @@ def _phrases() -> dict[tuple[str, ...], str]:
 def _plain(words: Iterable[str]) -> tuple[str, ...]:
     """Return words without adverbs, and with one name for the place where the arm rests."""
     text = re.sub(r"\btoo (?=(?:fast|quick)\b)", "too-", " ".join(words))
+    text = re.sub(r"\bmuch (?=(?:nicer?|good|prettier|tidier|neater|easier|clearer)\b)", "", text)
     text = re.sub(r"\bless (?:quick(?:ly)?|fast)\b", "slower", text)
     text = _A_BIT_BACK.sub("back a bit", text)
     text = _HOME.sub("home position", " ".join(word for word in text.split() if word not in _ADVERBS))
@@ -290,7 +291,8 @@ def plainly(sentence: str) -> str:
 _OPENING = re.compile(
     r"^(?:(?:excuse me|wait|hang on|hold on|pardon(?: me)?|sorry(?: to (?:bother|ask|disturb)(?: you)?)?"
     r"|(?:just )?(?:one|a|quick|small)(?: quick| small| last)? question"
-    r"|kindly|by the way|and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
+    r"|kindly|dear|may i ask(?: you)?|by the way|and|so|but|well|hey|okay"
+    r"|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
     rf"|{TELLING}|(?:do you |you )?have (?:you )?(?:any|an) idea|please tell me|tell me please|can you say"
     r"|(?:can|could|would|might|may|will) you (?:please )?tell me"
     r"|(?:can|could|would|will) you(?: please)?(?= (?:count|list|name|describe) (?!out\b))"
@@ -309,7 +311,7 @@ _VOCATIVE = re.compile(
 )
 _AT_ONCE = re.compile(
     r"^(?:can|could|are) you .*\b(?:two|three|both|several|many|more than one)\b.*"
-    r" (?:at once|at same time|simultaneously)$"
+    r" (?:at once|at same time|simultaneously)$|^(?:can|could) you (?:lift|carry|take|hold|move) .*\bboth together$"
 )
 _OR_IS = re.compile(r"^(?:can|could) you .* or (?:is|are) (?:it|they|there|something|anything)\b")
 _ASKING = re.compile(
@@ -404,6 +406,16 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"((?:which|what|who|where)(?: one| ones| cube| block| thing)?) 's (.+)", r"\1 is \2"),
     (r"(?:in|at|on) (?:what|which) (?:place|spot|location|position) (?:is|are) (.+)", r"where is \1"),
     (r"(?:current |exact )?(?:location|position|whereabouts) of (.+)", r"where is \1"),
+    (
+        r"have (?:i|we|you)(?: still| already)? got (any\w*|some\w*|an? \w+) ((?:in|on|under|inside) .+)",
+        r"is there \1 \2",
+    ),
+    (r"((?:what|which|how|is|are) .+) over there", r"\1"),
+    (rf"(?:and )?({_FIXED}) , (is|are) (?:that|it|this)(?: one)? (.+?)(?: as well| too| also)?", r"\2 \1 \3"),
+    (
+        r"(?:what|which(?: cube| one)?) (?:is|stands)(?: standing| stacked)? on (?:what|which)(?: now)?",
+        "are there stacks",
+    ),
     (r"contents? of ((?:\w+ )?(?:drawer|fridge|refrigerator|container|box))", r"what is in \1"),
     (r"what (?:can|could|may) be (?:found|seen) (.+)", r"what is \1"),
     (r"(?:total )?number of (.+)", r"how many \1"),
@@ -443,6 +455,8 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     ),
     (rf"(?:has|have|does|do) {_HAS} ?(.+?) (?:in|on) {_THEIR_HAND}", r"is \1 in my hand"),
     (rf"what (?:has|does) {_HAS} (?:in|on) {_THEIR_HAND}", "what is in my hand"),
+    (r"how far (?:is|are) (?:you|your \w+)(?: away)? from (.+)", r"how far is \1 from you"),
+    (r"what you (?:are able to|can) (.+)", r"what can you \1"),
     (
         r"which(?: one)?(?: of (?:these|them|those|cubes|blocks))? is (?:a )?((?:\w+ )?\w+ (?:one|cube|block|brick))",
         r"where is \1",
@@ -527,7 +541,7 @@ def question(text: str) -> str | None:
     asked = re.sub(r"^((?:which|what)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", asked))
     for pattern, plain in _IMPERATIVES:
         asked = re.sub(rf"^{pattern}$", plain, asked)
-    if not _ASKING.search(asked) or _REQUESTING.match(asked):
+    if not _ASKING.search(asked) or (_REQUESTING.match(asked) and not _AT_ONCE.match(asked)):
         return None
     plain = plain_start(asked)
     named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"

@@ -2,8 +2,8 @@
 
 import pytest
 
-from language import Answer, Refusal, Signal
-from tests.helpers.sets_room import done, said
+from language import Answer, Dialogue, Plan, Refusal, Signal
+from tests.helpers.sets_room import FACTS, done, room, said
 
 
 @pytest.mark.parametrize(
@@ -42,6 +42,7 @@ def test_two_containers_are_emptied_onto_the_table(sentence, state, steps):
         ("leave the drawer, just shut the fridge", "BF", ["close fridge"]),
         ("no no don't drop it just um give it to me", "D", ["hand_over red hand"]),
         ("take the orange one back and put it on the blue one", "H", ["stack orange blue"]),
+        ("the orange one goes in the drawer, then close it", "B", ["put_in orange drawer", "close drawer"]),
         ("throw the cyan cube into the drawer and shut it", "B", ["put_in cyan drawer", "close drawer"]),
     ],
 )
@@ -56,6 +57,12 @@ def test_what_is_said_of_a_container_or_of_what_shall_not_be_done_is_no_step_too
         ("In that case I should like you to press the button, if it is no trouble.", ["press button"]),
         ("We'd love to see you switch the lever", ["switch lever"]),
         ("relax and lift the red cube", ["lift red"]),
+        ("Show the class how the lever works", ["switch lever"]),
+        ("show our guests how you stack red on yellow", ["stack red yellow"]),
+        ("could you demonstrate the wheel, please", ["turn wheel"]),
+        ("open the drawer comma please period", ["open drawer"]),
+        ("I can't get to the lever from here, please switch it for me", ["switch lever"]),
+        ("hand me one of those cubes, the blue will do", ["hand_over blue hand"]),
         ("pull the lever for the crowd", ["switch lever"]),
         ("chuck the cyan block on top of the yeller one", ["stack cyan yellow"]),
         ("set the orange on the gray, nice and square", ["stack orange gray"]),
@@ -98,6 +105,11 @@ def test_two_things_do_not_go_into_a_container_for_one():
         ("where's the orange cube? I can't see it", "orange cube is on the table"),
         ("Kindly confirm whether the fridge is currently open or closed.", "closed"),
         ("what colour is the lever, honey?", "cyan"),
+        ("what colour is that lever over there?", "cyan"),
+        ("have I still got anything in the drawer?", "nothing is in"),
+        ("And the drawer, is that closed as well?", "open"),
+        ("What's the distance between you and the red cube?", "42 cm"),
+        ("could you carry two of these at once?", "one thing at a time"),
     ],
 )
 def test_questions_with_other_words_beside_them_are_answered(asked, told):
@@ -110,3 +122,12 @@ def test_going_back_to_the_start_is_a_signal():
     outcome = said("relax, go back to your start position")
     assert isinstance(outcome, Signal)
     assert outcome.control == "home"
+
+
+def test_praise_after_a_deed_takes_nothing_back():
+    dialogue = Dialogue()
+    plan = dialogue.answer("hand me the blue cube", room(FACTS["A"]))
+    assert isinstance(plan, Plan)
+    assert plan.result is not None
+    for praise in ("much nicer, thank you very much", "that's much tidier"):
+        assert isinstance(dialogue.answer(praise, plan.result), Answer)
