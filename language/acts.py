@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
@@ -98,18 +98,19 @@ def act_of(words: Sequence[str]) -> str | None:
         act = act_of(negated["rest"].split())
         if act in SIGNALS:
             return "continue" if act in ("stop", "wait", "continue") else "social"
-        return None if (act := _act_of(words)) in SIGNALS and act != "stop" else act
-    if (act := _act_of(words)) is not None or len(words) > MOST_OF_SIGNAL:
+        return None if (act := _act_of(tuple(words))) in SIGNALS and act != "stop" else act
+    if (act := _act_of(tuple(words))) is not None or len(words) > MOST_OF_SIGNAL:
         return act
-    act = _act_of(plain.split()) if (plain := plainest(said)) != said else None
+    act = _act_of(tuple(plain.split())) if (plain := plainest(said)) != said else None
     if act in SIGNALS:
         return act
-    praised = (end for end in range(len(words) - 1, 0, -1) if _act_of(words[:end]) == "social")
+    praised = (end for end in range(len(words) - 1, 0, -1) if _act_of(tuple(words[:end])) == "social")
     after = act_of(words[end:]) if (end := next(praised, 0)) else None  # "better, undo the last one"
     return after if after in SIGNALS else None
 
 
-def _act_of(words: Sequence[str]) -> str | None:
+@lru_cache(maxsize=4096)  # parts of a sentence are asked for several times
+def _act_of(words: tuple[str, ...]) -> str | None:
     known, words = _phrases(), _plain(words[1:] if len(words) > 1 and words[0] == "and" else words)
     words = words if len(words) > MOST_MISSPELT else tuple(map(_corrected, words))
     count = len(words)
@@ -373,7 +374,7 @@ _SOMEWHERE = (
     r"|between|beside|closest|nearest)\b.*)"
 )
 _PERCEIVE = r"(?:do|can|have|could) (?:you|we|i) (?:see|have|got|find|spot|notice)"
-_IMPERATIVES = (  # what asks without a question word, or in another form
+_FORMS = (  # what asks without a question word, or in another form
     (r"(which(?: \w+)?) (?:still )?remains? (.+)", r"\1 are \2"),
     (r"what else is (?:there|here|left)(?: (?:for|to) .+)?", "what is there apart from it"),
     (r"by how much(?: (?:roughly|about|exactly|approximately))*", "how much closer is it"),
@@ -403,7 +404,6 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
     (r"(which (?!one\b.* or\b).+?) is (?:closer|nearer)(?: by)? to ([^,]+)", r"\1 is closest to \2"),
     (r"(which (?!one\b.* or\b).+?) is (?:farther|further)(?: away)? from ([^,]+)", r"\1 is farthest from \2"),
     (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
-    (r"((?:which|what|who|where)(?: one| ones| cube| block| thing)?) 's (.+)", r"\1 is \2"),
     (r"(?:in|at|on) (?:what|which) (?:place|spot|location|position) (?:is|are) (.+)", r"where is \1"),
     (r"(?:current |exact )?(?:location|position|whereabouts) of (.+)", r"where is \1"),
     (
@@ -523,6 +523,7 @@ _IMPERATIVES = (  # what asks without a question word, or in another form
         r"is \2 \1ed",
     ),
 )
+_IMPERATIVES = tuple((re.compile(rf"^{pattern}$"), plain) for pattern, plain in _FORMS)
 
 
 WHAT = ("what", "where", "which", "how", "who", "why", "whose")
@@ -538,9 +539,9 @@ def question(text: str) -> str | None:
     if rest and len(first) > 2 and first not in (*WHAT, *STRANGERS) and (first, 0.0) not in spellings(first):
         near = [word for word in WHAT if OSA.distance(first, word) == 1]
         asked = f"{near[0]} {rest}" if near else asked  # "whre is it?"
-    asked = re.sub(r"^((?:which|what)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", asked))
+    asked = re.sub(r"^((?:which|what|who|where)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", asked))
     for pattern, plain in _IMPERATIVES:
-        asked = re.sub(rf"^{pattern}$", plain, asked)
+        asked = pattern.sub(plain, asked)
     if not _ASKING.search(asked) or (_REQUESTING.match(asked) and not _AT_ONCE.match(asked)):
         return None
     plain = plain_start(asked)

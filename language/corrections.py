@@ -16,6 +16,7 @@ import numpy as np
 from language.acts import Part, act_of, question
 from language.lattice import Lattice
 from language.meanings import Clause, Measure, Reading, RelationPhrase
+from language.memory import carried
 from language.ordering import TIMES
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import CARRY
@@ -198,7 +199,7 @@ class Corrections(Replies):
     def _instead(self, sentence: str, words: list[Token], outcome: Outcome) -> Outcome | None:
         """Return the plan that takes the last one back and does it with another thing: "put red in instead"."""
         done = self.done()
-        put = [step for step in getattr(done.outcome, "steps", ()) if step.carries] if done is not None else []
+        put = carried(done.outcome) if done is not None else []
         if done is None or not put or not PREFERS.search(sentence) or not isinstance(outcome, Refusal | Plan):
             return None
         back = restoring(self.now, done.world)
@@ -206,11 +207,11 @@ class Corrections(Replies):
         if put[-1].goal is not None and planner.it[:1] == (put[-1].object,):  # "put red on it instead"
             planner.it = (put[-1].goal,)
         tried = settled(sentence, choices(words, planner), planner) if back else outcome
-        carried = [step for step in getattr(tried, "steps", ()) if step.carries]
+        again = carried(tried)
         moved = {step.object for step in put}
-        if not isinstance(tried, Plan) or not carried or carried[-1].object in moved:
+        if not isinstance(tried, Plan) or not again or again[-1].object in moved:
             return None
-        if isinstance(outcome, Plan) and (carried[-1].goal is None or carried[-1].goal != put[-1].goal):
+        if isinstance(outcome, Plan) and (again[-1].goal is None or again[-1].goal != put[-1].goal):
             return None
         steps = without_detours((*back, *tried.steps))
         return replace(tried, steps=steps, notes=tried.notes if len(steps) == len(back) + len(tried.steps) else ())
@@ -270,6 +271,11 @@ class Corrections(Replies):
         reading = opposite(before, steps, self.now) or self._across(before, steps)
         return self._settle(sentence, reading) if reading is not None else None
 
+    def _opposite_side(self, dx: float, dy: float) -> str:
+        """Return the relation to a thing of what is on its side opposite to an offset from it, metres."""
+        along = {name: float(np.dot(self.now.toward(side), (dx, dy))) for name, side in SIDEWAYS.items()}
+        return min(along, key=lambda name: along[name])
+
     def _across(self, last: Reading, steps: Sequence[Step]) -> Reading | None:
         """Return the reading that puts a thing on the other side of what it was put next to."""
         places = [place for place in last.steps[-1].places if place.name == "near" and place.anchors]
@@ -277,9 +283,8 @@ class Corrections(Replies):
         refs = self.planner().resolver(self.now, ()).resolve(places[0].anchors[0]) if places else []
         if moved is None or moved.place is None or not refs:
             return None
-        dx, dy = moved.place[0] - refs[0].x, moved.place[1] - refs[0].y
-        along = {name: np.dot(self.now.toward(side), (dx, dy)) for name, side in SIDEWAYS.items()}
-        place = RelationPhrase(min(along, key=lambda name: along[name]), places[0].anchors)
+        side = self._opposite_side(moved.place[0] - refs[0].x, moved.place[1] - refs[0].y)
+        place = RelationPhrase(side, places[0].anchors)
         return Reading((Clause(CARRY, pinned(moved.object), (place,)),))
 
 

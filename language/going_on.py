@@ -7,11 +7,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from language.acts import Part, question, takes_back
 from language.corrections import Corrections
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
+from language.memory import carried
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.planning import CARRY
 from language.replies import BESIDE
@@ -31,7 +30,6 @@ _BETWEEN = re.compile(  # what the other side comes to: "so that gray is in the 
     r"(?: right)? (?:in middle|between (?:them|two|both|those)|in between)(?: of (?:them|two|both))?"
 )
 _SIDES = {"left": "to left of", "right": "to right of", "front": "in front of", "behind": "behind"}
-_TOWARD = {"left": "left", "right": "right", "front": "front", "behind": "back"}
 _ELSEWHERE = re.compile(  # "the same with X, right side"
     rf"{_IDLE}(?:do |repeat )?(?:exactly )?same(?: thing| again)? (?:with|for|to) (?P<what>[^,.;]+?)"
     r"(?: ,| \.)?(?: but| only| just| this time)* (?:(?:on|to|at|in) )?(?:its )?"
@@ -67,7 +65,7 @@ class GoingOn(Corrections):
             reading = outcome.reading if isinstance(outcome, Plan) else None
             for clause in reversed(reading.steps if reading is not None else ()):
                 place = next((each for each in clause.places if each.name in BESIDE and each.anchors), None)
-                moved = [step.object for step in getattr(outcome, "steps", ()) if step.carries]
+                moved = [step.object for step in carried(outcome)]
                 if place is None or not moved or place.anchors[0].kind not in ("thing", "it"):
                     continue
                 shown = place.anchors[0].pointed
@@ -88,23 +86,19 @@ class GoingOn(Corrections):
         if match is None or not match.start() or self.now.cells:
             return None
         said = match["of"] if match["of"] not in ("it", "that", "that one", "this") else None
-        refs = (
-            phrase(self.now, self.planner(), scan(f"{said} one" if said and " " not in said else said))[1]
-            if said
-            else []
-        )
+        words = f"{said} one" if said and " " not in said else said
+        refs = phrase(self.now, self.planner(), scan(words))[1] if words else []
         named = [i for ref in refs for i in ref.things[-1:] if not self.now.things[i].target]
         anchor = named[0] if named else put[1] if put is not None and not said else None
         done = self.done()
-        moved = [step.object for step in getattr(done and done.outcome, "steps", ()) if step.carries]
+        moved = [step.object for step in carried(done and done.outcome)]
         there = [i for i in reversed(moved) if i != anchor and self.now.is_on_ground(i)]
         there = there or ([put[1]] if put is not None and put[0] == anchor else [])  # "Z on the other side of X"
         if anchor is None or not there or name(self.now, there[0]) in text:
             return None
         world, (one, other) = self.now, (self.now.things[there[0]], self.now.things[anchor])
         off = one.x - other.x, one.y - other.y
-        along = {side: float(np.dot(world.toward(_TOWARD[side]), off)) for side in _SIDES}
-        side = _SIDES[min(along, key=lambda each: along[each])]
+        side = _SIDES[self._opposite_side(*off)]
         apart = 100 * (math.hypot(*off) - (one.width + other.width) / 2)
         rest = _BETWEEN.sub("", text[match.end() :])
         measure = f"{max(apart, 1):.0f} cm " if match["far"] else ""
@@ -116,8 +110,8 @@ class GoingOn(Corrections):
         if match is None or put is None:
             return None
         _, anchor, place = put
-        entity, refs = phrase(self.now, self.planner(), scan(match["what"]))
-        if entity is None or not refs or entity.span != (0, len(scan(match["what"]))):
+        entity, refs = self._whole(match["what"])
+        if entity is None or not refs:
             return None
         side = {"back": "behind", "other": TURNED.get(place.name, "")}.get(match["side"], match["side"])
         if not side:
@@ -127,7 +121,7 @@ class GoingOn(Corrections):
         return self._settle(sentence, Reading((Clause(CARRY, loose, (beside,)),)))
 
     def _fits(self, entity: Entity) -> bool:
-        return any(ref.things for ref in self.planner().resolver(self.now, (), None).resolve(entity))
+        return any(ref.things for ref in self.planner().resolver(self.now, ()).resolve(entity))
 
     def _not_that(self, sentence: str, words: Sequence[str]) -> Outcome | None:
         """Return the question that "not that one after all" leads to, after something was done with it."""
@@ -136,22 +130,14 @@ class GoingOn(Corrections):
         if match is None or not steps or self.last is None or not (match["all"] or match["other"]):
             return None
         used, world = steps[-1].object, self.now
-        if not re.fullmatch(r"(?:that|this)(?: one)?|it", match["what"]):
-            tokens = scan(match["what"])
-            entity, refs = phrase(world, self.planner(), tokens)
-            if entity is None or entity.span != (0, len(tokens)) or not any(used in ref.things for ref in refs):
-                return None
+        shown = re.fullmatch(r"(?:that|this)(?: one)?|it", match["what"])
+        if shown is None and not any(used in ref.things for ref in self._whole(match["what"])[1]):
+            return None
         kind, goal = world.things[used].kind, steps[-1].goal
         left = [i for i, thing in enumerate(world.things) if thing.kind == kind and not thing.target]
-        but = [
-            a
-            for clause in self.last.steps
-            if clause.entity
-            for each in clause.entity.relations
-            for a in each.anchors
-            if each.name == "not"
-        ]
-        resolver = self.planner().resolver(world, (), None)
+        related = [each for clause in self.last.steps if clause.entity for each in clause.entity.relations]
+        but = [anchor for each in related if each.name == "not" for anchor in each.anchors]
+        resolver = self.planner().resolver(world, ())
         excepted = {i for each in but for ref in resolver.resolve(each)[:1] for i in ref.things[-1:]}
         left = [i for i in left if i not in (used, goal, *excepted)]
         if not left:
@@ -164,9 +150,9 @@ class GoingOn(Corrections):
         if match is None or last is None or not isinstance(last.outcome, Plan) or self.last is None:
             return None
         words, tokens = [token.text for token in scan(last.sentence)], scan(match["what"])
-        entity, refs = phrase(self.now, self.planner(), tokens)
+        _, refs = self._whole(match["what"])
         color = next((token.text for token in tokens if re.fullmatch(COLOR, token.text)), None)
-        if entity is None or entity.span != (0, len(tokens)) or color not in words or not refs[:1]:
+        if color not in words or not refs:
             return None
         index, places = refs[0].things[-1], self.last.steps[-1].places
         done = {i for step in last.outcome.steps for i in (step.object, step.goal)}

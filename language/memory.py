@@ -36,6 +36,11 @@ class Turn(NamedTuple):
         return (*self.about[-1:], *self.beside, *reversed(self.about[:-1]))
 
 
+def carried(outcome: Outcome | None) -> list[Step]:
+    """Return the steps of an outcome that put something somewhere; none of one that is no plan."""
+    return [step for step in getattr(outcome, "steps", ()) if step.carries]
+
+
 @dataclass
 class Memory:
     """What was said and done.

@@ -482,13 +482,14 @@ class Questions(Alternatives):
         text = re.sub(r" (?:have|has|there|you have|got|exist|here|in total|altogether|overall)(?= |$)", "", text)
         if re.search(r"\b(?:would|could|if)\b", text):  # what is not so
             return None
-        text = re.sub(r"^(?=(?:are|is|stand|lie|do|have)\b|$)", "things ", text)
+        bare = re.match(r"(?:are|is|stand|lie|do|have)\b|$", text) is not None  # "how many are on the table?"
+        text = f"things {text}" if bare else text
         found = self.split(text)
         entity, fits = (None, []) if found else self.refs(text)
         if found is None and (entity is None or Lattice(scan(text)).unknown):
             return None
         things = [i for i in found[0] if found[1].holds(i)] if found else fits
-        if text.startswith("things ") and match[1][:5] != "thing":  # "how many are on the table?": of what can be moved
+        if bare:
             things = [i for i in things if self.world.is_loose(i)] or things
         over = re.fullmatch(
             rf"(?:(?:cubes|blocks|things|ones|of them|pieces) )?(?:{_BE} )*(?:on top of|on|above|over) (.*)", text

@@ -14,10 +14,11 @@ from language.acts import act_of, question
 from language.errors import NotUnderstood
 from language.later import later_time
 from language.lattice import Lattice, vocabulary
-from language.meanings import Gesture
+from language.meanings import Entity, Gesture
 from language.memory import Memory
 from language.ordering import TIMES
 from language.outcomes import Answer, Plan, Step
+from language.referents import Ref
 from language.scanning import COLOR, scan, text_of
 from language.talk import listed, name, phrase
 from language.verbs import KNOWN, Act
@@ -236,12 +237,15 @@ class Recollections(Memory):
         inside = on in self.now.containers
         yield match, Gesture((), (x, y)) if on is None else f"{'in' if inside else 'on'} {name(self.now, on)}"
 
-    def _things(self, text: str) -> list[int]:
-        """Return the things that some words name, all of which belong to one phrase."""
+    def _whole(self, text: str) -> tuple[Entity | None, list[Ref]]:
+        """Return the phrase to which all of some words belong, and its referents; None and [] of other words."""
         tokens = scan(text)
         entity, refs = phrase(self.now, self.planner(), tokens)
-        if entity is None or entity.span != (0, len(tokens)):
-            return []
+        return (None, []) if entity is None or entity.span != (0, len(tokens)) else (entity, refs)
+
+    def _things(self, text: str) -> list[int]:
+        """Return the things that some words name, all of which belong to one phrase."""
+        _, refs = self._whole(text)
         real = [i for ref in refs for i in ref.things[-1:]]
         solid = [i for i in real if not self.now.things[i].target and self.now.is_loose(i)]
         return list(dict.fromkeys(solid or real))

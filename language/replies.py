@@ -11,6 +11,7 @@ from functools import reduce
 from language import costs
 from language.acts import act_of
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
+from language.memory import carried
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
@@ -157,7 +158,7 @@ class Replies(Recollections):
         place = clause.places[0] if clause.places else None
         if done is None or getattr(done.outcome, "reading", None) is not last or place is None or self.now.cells:
             return last
-        at = [step.place for step in getattr(done.outcome, "steps", ()) if step.carries and step.place is not None]
+        at = [step.place for step in carried(done.outcome) if step.place is not None]
         if place.name not in BESIDE or len(place.anchors) != 1 or place.anchors[0].kind != "thing" or not at:
             return last
         refs = [ref for ref in self.planner().resolver(done.world, ()).resolve(place.anchors[0]) if ref.things]
@@ -427,7 +428,7 @@ class Replies(Recollections):
         place = clause.places[0] if clause.places else None
         if place is None or place.name in ("in", "into"):
             return place is not None
-        refs = self.planner().resolver(self.now, self.it, None).resolve(place.anchors[0]) if place.anchors else []
+        refs = self.planner().resolver(self.now, self.it).resolve(place.anchors[0]) if place.anchors else []
         return bool(refs) and refs[0].things[-1:] != () and refs[0].things[-1] in self.now.containers
 
     def _asks_goal(self, asked: Question) -> bool:
@@ -437,12 +438,11 @@ class Replies(Recollections):
         clause = self.last.steps[-1]
         if clause.act in (Act.TAKE, Act.HOLD) and not clause.places and clause.entity is not None:
             return False
-        resolver = self.planner().resolver(self.now, self.it)
         if self._encloses(clause):
             return any(i in self.now.containers for i in asked.candidates)
         if clause.entity is None or clause.entity.kind == "it":
             return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)
-        refs = resolver.resolve(clause.entity)
+        refs = self.planner().resolver(self.now, self.it).resolve(clause.entity)
         things = {ref.things[-1] for ref in refs if ref.things}
         return len(things & set(asked.candidates)) < len(asked.candidates) and len(things) <= 2
 
@@ -480,8 +480,8 @@ class Replies(Recollections):
             return plan if not any(step.goal is not None or step.act in (Act.OPEN, Act.SHUT) for step in back) else None
         planner = self.planner()
         outcome = settled(sentence, choices_of([reading], planner, found), planner)
-        carried = {step.object for step in getattr(outcome, "steps", ()) if step.carries}
-        return outcome if isinstance(outcome, Plan) and carried == moved else None
+        same = {step.object for step in carried(outcome)} == moved
+        return outcome if isinstance(outcome, Plan) and same else None
 
     def _starts(self, restore: bool, back: bool) -> Iterator[tuple[WorldModel, tuple[Step, ...]]]:
         """Yield the worlds from which a correction is tried, each with the steps that lead to it."""
