@@ -12,7 +12,7 @@ from rapidfuzz.distance import OSA
 from language.costs import SPELLING
 from language.embedded import TELLING, direct
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
-from language.normalise import plain_start
+from language.normalise import forms, plain_start
 from language.remarks import command, is_chat
 from language.scanning import COLOR, MARKS, THING, Token, scan, text_of, verb_words
 from language.signalling import PLACES, STARTING, plainest
@@ -347,15 +347,6 @@ _REQUESTING = re.compile(
 )
 
 
-_TOWER = r"(?:that |this |my )?(?:tower|stack|pile)"
-_CONSISTS = r"(?:made|built|consist|made up|contain|have|got|of|from|out of)"
-_HAS = r"(?:he|she|they|i|we|(?:my|our|this|that) \w+|person|customer|guest)(?: have| got| hold| holding)*"
-_THEIR_HAND = r"(?:his|her|their|my|our) (?:hand|palm)"
-_TAGGED = (  # without a comma not "and I want to have it"
-    r"(?: , (?:is|are|do|did|does|have|has|was|were|can)| (?:is|are|did|does|was|were)) "
-    r"(?:not )?(?:you|it|they|he|that|there)(?: not)?"
-)
-_ASKER = r"(?:someone|everyone|my \w+|grand\w+|mum|mom|dad)"
 _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
     r"^(who|what|where|why|how|which) (?:on earth|in (?:all )?(?:world|heaven)|hell|heck"
     r"|exactly|precisely|actually|specifically|roughly)\b"
@@ -363,170 +354,22 @@ _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
     r"|(?: [,.])? (?:i|we) (?:can|could|do) not (?:see|find|spot|reach)(?: it| them)?(?: any\w+)?$"
     r"|(?<!done)(?<!did)(?: ,)? for (?:me|us)$"
 )
-_FIXED = r"(?:\w+ )?(?:drawer|fridge|refrigerator|button|lever|switch|wheel)"
-_HOW_IT_IS = r"(?:current )?(?:state|status|position|condition)"
-_IN_IT = r"(?:in(?:side)?(?: it| there)?|within)"
-_STANDS = r"stands?|lies|sits?"
-_TASKS = r"(?:things|stuff|tasks|jobs)"
-_KINDS = rf"(?:(?:\w+ )?(?:cubes|blocks|bricks|devices|containers|boxes)|(?:{COLOR} )?(?:things|objects|ones|items))"
-_SOMEWHERE = (
-    r"((?:not |right |directly )?(?:in|inside|on|under|underneath|beneath|behind|left|right|to|next|near|at|above|below"
-    r"|between|beside|closest|nearest)\b.*)"
-)
-_PERCEIVE = r"(?:do|can|have|could) (?:you|we|i) (?:see|have|got|find|spot|notice)"
-_FORMS = (  # what asks without a question word, or in another form
-    (r"(which(?: \w+)?) (?:still )?remains? (.+)", r"\1 are \2"),
-    (r"what else is (?:there|here|left)(?: (?:for|to) .+)?", "what is there apart from it"),
-    (r"by how much(?: (?:roughly|about|exactly|approximately))*", "how much closer is it"),
-    (r"(which|what)(?: \w+)? of (?:\w+ )?(?:two|three|them|these|those|cubes|blocks) (did|have) (.+)", r"\1 one \2 \3"),
-    (
-        r"(?:which|what)(?: one| cube| block| thing)? is ((?!not\b)(?:\w+ ){0,2}?\w+) (?:next to|near|beside)(?: now)?",
-        r"where is \1",
-    ),
-    (  # "of these two, which one is closer?"
-        r"(?:(?:out )?(?:of|from|between|among) )?([^,]+? (?:or|and) [^,]+?|(?<=of )[^,]+?) [,:] "
-        rf"(which|what|who)(?: (?:one|cube|block|of (?:them|these|those|two)))* (is|was|are|{_STANDS}) (.+)",
-        r"\2 of \1 \3 \4",
-    ),
-    (r"what (?:does|would|will) (?:that|this) leave(?: (?:us|me))?(?: with)? ((?:on|in) .+)", r"what is \1"),
-    (r"(which(?: \w+)?) (?:is|are) (?:still )?left(?: over)? ((?:on|in|inside) .+)", r"\1 are \2"),
-    (
-        rf"(?:name|list|enumerate)(?: me)?(?: all)?(?: of)? ({_KINDS})(?: (?:that|which)(?: are)?)? {_SOMEWHERE}",
-        r"which \1 are \2",
-    ),
-    (rf"(?:what|which) ({_KINDS}) {_PERCEIVE} {_SOMEWHERE}", r"which \1 are \2"),
-    (rf"what {_PERCEIVE} (?!in mind|in view){_SOMEWHERE}", r"what is \1"),
-    (rf"what (?:kind|sort|type)s? of {_TASKS} (?:can|could) (?:i|we) (?:ask|tell|get) you to do", "what can you do"),
-    (r"what (?:have|did) you got? (?:lying|standing|sitting)(?: around| about)? (?:on|here)\b.*", "what do you see"),
-    (rf"(?:tell me |give me |what is )?(?:a )?{_HOW_IT_IS} of (.+)|({_FIXED}) {_HOW_IT_IS}", r"how is \1\2"),
-    (rf"(?:in )?what {_HOW_IT_IS} (?:is|are) (.+?)(?: in| at)?", r"how is \1"),
-    (rf"what (?:has|is|does) ({_FIXED}) (?:got|have|hold|contain|hide|store)(?: {_IN_IT})?", r"what is in \1"),
-    (r"(which (?!one\b.* or\b).+?) is (?:closer|nearer)(?: by)? to ([^,]+)", r"\1 is closest to \2"),
-    (r"(which (?!one\b.* or\b).+?) is (?:farther|further)(?: away)? from ([^,]+)", r"\1 is farthest from \2"),
-    (rf"{_ASKER} (?:asked|asks|wants? to know|wonders?|wondered)(?: me| us)? (wh.+)", r"\1"),
-    (r"(?:in|at|on) (?:what|which) (?:place|spot|location|position) (?:is|are) (.+)", r"where is \1"),
-    (r"(?:current |exact )?(?:location|position|whereabouts) of (.+)", r"where is \1"),
-    (
-        r"have (?:i|we|you)(?: still| already)? got (any\w*|some\w*|an? \w+) ((?:in|on|under|inside) .+)",
-        r"is there \1 \2",
-    ),
-    (r"((?:what|which|how|is|are) .+) over there", r"\1"),
-    (rf"(?:and )?({_FIXED}) , (is|are) (?:that|it|this)(?: one)? (.+?)(?: as well| too| also)?", r"\2 \1 \3"),
-    (
-        r"(?:what|which(?: cube| one)?) (?:is|stands)(?: standing| stacked)? on (?:what|which)(?: now)?",
-        "are there stacks",
-    ),
-    (r"contents? of ((?:\w+ )?(?:drawer|fridge|refrigerator|container|box))", r"what is in \1"),
-    (r"what (?:can|could|may) be (?:found|seen) (.+)", r"what is \1"),
-    (r"(?:total )?number of (.+)", r"how many \1"),
-    (r"(how many \w+) (?:in|inside) (?:this |our )?(?:room|scene)", r"\1 are there"),
-    (r"(?:open or (?:closed|shut)|(?:closed|shut) or open) , (.+)", r"is \1 open"),
-    (r"([^,]+) is what colou?r", r"what colour is \1"),
-    (r"(?:what|how) about ([^,]+) , (where is|is|what is in|what is on|how is) it\b(.*)", r"\2 \1\3"),
-    (r"(?:do|can) you (?:see|know|tell|say) (?:if|whether) ([^,;]+?) (is|are) ([^,;]+)", r"\2 \1 \3"),
-    (r"why you (?:do|would|could|can) not (.+)", r"why do not you \1"),
-    (r"where (?:it is|they are) (.+)", r"where is \1"),
-    (r"how much ((?:cubes|blocks|things|objects|pieces)\b.*)", r"how many \1"),
-    (r"(how many \w+) there (?:is|are) (.+)", r"\1 are there \2"),
-    (rf"((?!wh|how)\w+(?: \w+){{0,3}}?) (is|are|was|were|has|have|can) (?:not )?([^,]+?){_TAGGED}", r"\2 \1 \3"),
-    (r"(is|are|was|were|does|did|has) not (.+)", r"\1 \2"),
-    (
-        r"((?:apart from|aside from|except(?: for)?|besides|other than|not counting) .+?)(?: ,)?"
-        r" ((?:is|are|what|which|how many|who|do you|does)\b.+)",
-        r"\2 \1",
-    ),
-    (
-        r"(?:has|did|have) (?:some ?body|someone|any ?body|anyone|i|you|we|they|he|she)(?: just| maybe)?"
-        r" (?:leave|left|keep|kept) (.+?) (open|closed|shut)",
-        r"is \1 \2",
-    ),
-    (r"(?:and )?(?:what )?(?:about |was |came |happened |did you do )?before that", "what did you do before that"),
-    (r"(?:when|if|whether|once) you are (ready|done|finished|there)", r"are you \1"),
-    (r"(?:you |have you |you have )?got (any\w*|some\w*|an? \w+) ((?:in|on|under) .+)", r"is there \1 \2"),
-    (r"who (?:is holding|holds|has|has got) (.+)", r"where is \1"),
-    (r"what (an? \w+) (?:is|does)(?: for)?", r"what is \1 for"),
-    (r"what is (?:it|that|this|thing|cube|one) (?:that |which )?you (are|have|hold)\b(.*)", r"what \1 you\2"),
-    (r"count(?: up)? (?:how many )?(?!out\b)(.+?)(?: and (?:report|tell|say|give)\b.*)?", r"how many \1"),
-    (r"(?:name|state|report|give(?: me)?) (?:a )?colou?rs? of (.+)", r"what colour is \1"),
-    (
-        r"(?:(?:what is|how (?:big|large|wide|long) is) )?(?:a )?(?:gap|distance|space|room)(?: like)? (?:from|between)"
-        r" (.+?) (?:to|and) (.+)",
-        r"how far is \1 from \2",
-    ),
-    (rf"(?:has|have|does|do) {_HAS} ?(.+?) (?:in|on) {_THEIR_HAND}", r"is \1 in my hand"),
-    (rf"what (?:has|does) {_HAS} (?:in|on) {_THEIR_HAND}", "what is in my hand"),
-    (r"how far (?:is|are) (?:you|your \w+)(?: away)? from (.+)", r"how far is \1 from you"),
-    (r"what you (?:are able to|can) (.+)", r"what can you \1"),
-    (
-        r"which(?: one)?(?: of (?:these|them|those|cubes|blocks))? is (?:a )?((?:\w+ )?\w+ (?:one|cube|block|brick))",
-        r"where is \1",
-    ),
-    (r"what (?:is it|it is) that (you|i|we) (?:are able to|can|could) do", r"what can \1 do"),
-    (r"(?:a )?(cube|block|one|thing) (?:that|which) (.+?) [,:] (?:which|what) (?:one )?is (?:it|that)", r"which \1 \2"),
-    (r"(?:name|state|report|give(?: me)?) (?:a )?number of (.+)", r"how many \1"),
-    (
-        r"how many (.+?) (?:are|is) (?:still |there )?left(?: over)?(?= (?:on|in|inside|at)\b|$)(.*)",
-        r"how many \1 are there\2",
-    ),
-    (
-        r"is (?:(?:lid|door|cover) of )?((?:\w+ )?(?:drawer|fridge|refrigerator))(?: 's (?:lid|door|cover))?"
-        r" (?:up|lifted|raised)",
-        r"is \1 open",
-    ),
-    (
-        r"what (?:is|does) ((?:\w+ )?(?:cube|block|one)) (?:carry|carrying|bear|bearing|support|supporting)",
-        r"what is on \1",
-    ),
-    (
-        r"(?:name|list|enumerate|describe)(?: me| for me| to me)?(?: all| every)?(?: your| my)?"
-        r" (?:objects?|things?|items?)(?: that| which)?"
-        r"(?: you (?:can )?see| here| on table| around| there (?:is|are))*",
-        "what do you see",
-    ),
-    (r"show (?:him|her|them|everyone|everybody|people|(?:my|our|a) \w+) where (.+?)(?: is| are)?", r"where is \1"),
-    (
-        r"(?:name|state|report|describe|give(?: me)?) (?:a )?(?:position|location|place|whereabouts) of (.+)",
-        r"where is \1",
-    ),
-    (
-        r"(?:confirm|verify|double check|check)(?: for me| please)? (?:that|whether|if) ([^,;]+?) (is|are) ([^,;]+?)",
-        r"\2 \1 \3",
-    ),
-    (r"(?:confirm|report|check|give(?: me)?|tell me|state) (?:a )?([^,;]+?) (?:status|state)", r"is \1 open"),
-    (
-        r"(which(?: one| cube| block)?|what) (?:carries|supports|bears|holds up) (?:all|everything|whole)\b.*",
-        r"\1 is at bottom of stack",
-    ),
-    (
-        rf"(which(?: one| cube| block)?|what) is (?:lowest|bottommost|bottom)(?: one| cube)? (?:of|in) {_TOWER}",
-        r"\1 is at bottom of stack",
-    ),
-    (
-        rf"(which(?: one| cube| block)?|what) is (?:highest|topmost|uppermost|top)(?: one| cube)? (?:of|in) {_TOWER}",
-        r"\1 is at top of stack",
-    ),
-    (r"(which(?: one| cube| block)?|what) is (?:holding up|supporting|carrying) (.+)", r"\1 is under \2"),
-    (r"(?:of )?how many \w+ (?:high|tall) is (.+)", r"how high is \1"),
-    (
-        rf"(?:of )?(?:how many|which|what) (?:\w+ )?(?:is|are|does|do|has|have)(?: in)? {_TOWER}(?: {_CONSISTS})*",
-        "how high is tower",
-    ),
-    (
-        rf"how many \w+ (?:of|in|are in|are there in|are stacked|are piled) ?(?:{_TOWER}|up|on top of each other)*",
-        "how high is tower",
-    ),
-    (r"(?:(?:tell me|say|give me|what is) )?(?:a )?height of (.+?)(?: in cubes)?", r"how high is \1"),
-    (r"(?:what|how) do you call ([^,;]+)", r"which \1"),
-    (
-        r"(?:has|did|have) (?:anybody|anyone|somebody|someone|you)(?: already| ever)?"
-        r" (press|open|close|turn|switch|flip)(?:ed|d|ped)? (?!it\b|that\b|them\b)(.+?)(?: yet| already)?",
-        r"is \2 \1ed",
-    ),
-)
-_IMPERATIVES = tuple((re.compile(rf"^{pattern}$"), plain) for pattern, plain in _FORMS)
-
-
 WHAT = ("what", "where", "which", "how", "who", "why", "whose")
+_ASKS = (
+    *WHAT,
+    *phrases("many, much, far, tall, high, colour, color, colours, colors, there, you, any, are, did, does"),
+)
+
+
+def _spelled(asked: str) -> str:
+    """Return a question with its first words as they are spelled: "whre is it", "how mny cubes", "can yuo see"."""
+    words = asked.split()
+    for i, word in enumerate(words[:3] if len(words) > 1 else ()):
+        if len(word) < 3 or word in _ASKS or word in STRANGERS or (word, 0.0) in spellings(word):
+            continue
+        near = [each for each in (_ASKS if i else WHAT) if OSA.distance(word, each) == 1]
+        words[i] = near[0] if near else word
+    return " ".join(words)
 
 
 def question(text: str) -> str | None:
@@ -535,12 +378,8 @@ def question(text: str) -> str | None:
     asked = _OPENING.sub("", _VOCATIVE.sub("", text.rstrip(" ?.!")))
     tag = r"(?:(?<=open|shut|full)|(?<=closed)|(?<=empty)| ,) (?:right|correct|yes|no|true)$"
     asked = re.sub(tag, " , is it", asked) if text.endswith("?") else asked
-    first, _, rest = asked.partition(" ")
-    if rest and len(first) > 2 and first not in (*WHAT, *STRANGERS) and (first, 0.0) not in spellings(first):
-        near = [word for word in WHAT if OSA.distance(first, word) == 1]
-        asked = f"{near[0]} {rest}" if near else asked  # "whre is it?"
-    asked = re.sub(r"^((?:which|what|who|where)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", asked))
-    for pattern, plain in _IMPERATIVES:
+    asked = re.sub(r"^((?:which|what|who|where)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", _spelled(asked)))
+    for pattern, plain in forms():
         asked = pattern.sub(plain, asked)
     if not _ASKING.search(asked) or (_REQUESTING.match(asked) and not _AT_ONCE.match(asked)):
         return None

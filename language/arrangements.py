@@ -140,7 +140,7 @@ def _plain(head: re.Match[str], tail: str) -> tuple[str, str] | None:
         cut[name] = pattern.search(tail) if said or name == "way" else None
         tail = pattern.sub(" ,", tail, count=1) if cut[name] else tail
     side = _SIDE.match(tail) if row and not cut["place"] else None
-    side = side if side and not re.search(_SAYS_LEVEL, side["list"]) else None
+    side = side if side and not re.search(_SAYS_LEVEL, side["list"]) and not _again(side["list"]) else None
     tail = side["list"] if side else tail
     parts = _parts(tail, chained=bool(said) and not re.match("(?:stack|pile|heap)", said))
     if parts is None or (not said and not _is_tower(parts, cut["way"])):
@@ -161,6 +161,12 @@ def _plain(head: re.Match[str], tail: str) -> tuple[str, str] | None:
         return None
     where = f" at {cut['place'][1]}" if cut["place"] else f" at {side['side']} side" if side else ""
     return f"{'group together' if row else 'build tower of'} {what}{where}", after
+
+
+def _again(things: str) -> bool:
+    """Whether the last thing of a list is one of those before it: "red, yellow and blue, with red"."""
+    *before, last = re.findall(COLOR, things) or [""]
+    return last in before
 
 
 def _is_tower(parts: list[_Part], way: re.Match[str] | None) -> bool:

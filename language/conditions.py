@@ -151,7 +151,7 @@ def _done_already(condition: str, does: str) -> str:
 
 
 def _match(steps: Sequence[tuple[str, str]]) -> re.Match[str] | None:
-    return CONDITION.match(re.sub(r"^(?:(?:and|but|then|so|please) )+", "", _joined(steps)))
+    return CONDITION.match(re.sub(r"^(?:(?:and|but|then|so|please) )+", "", _joined(steps).rstrip(" .!")))
 
 
 class Weighed(NamedTuple):

@@ -72,6 +72,10 @@ _LEAVES = re.compile(
     r"\b(?:leave|keep) (?:it|that|this|them) (?:in|on|at|next|near|beside|behind|between|under|left|right)\b"
 )
 _ANY = re.compile(r"(?:any|some)(?:thing|one|body)?\b(?! chance| way| possib| left| put| has| forgot)")
+_BESIDE_IT = re.compile(  # "where is the red cube?", "and behind it?"
+    r"(?:(?:right |directly |just )?(?:behind|in front of|under|beneath|below|above|next to|beside|near|close to|inside"
+    r"|(?:to |on |at )?(?:left|right) of|in)|on(?: top of)?) (?:it|that|that one|this one|them)(?: then)?$"
+)
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
 
@@ -395,8 +399,8 @@ class Dialogue(Conditions):
                 asked = question(f"is there {words}")
             if asked is not None and ABLE.match(asked) and _CERTAIN.search(sentence):  # "can you stack the cubes?"
                 asked = None
-            if asked is None and at == 0 and self.open_question() is None and (again := self._asked_again(rest)):
-                asked = again
+            if asked is None and at == 0 and self.open_question() is None:
+                asked = self._asked_again(rest, part.mark)
             if asked is None:
                 rest, looks = self._looked_for(rest, parts[at + 1 :])
                 label = part.mark == ":" and at + 1 < len(parts) and not command_word().match(rest)
@@ -425,15 +429,23 @@ class Dialogue(Conditions):
         self.box = things[0] if things[0] in self.now.containers else self.box
         return True
 
-    def _asked_again(self, words: str) -> str | None:
-        """Return the last question with another phrase: "what is in the drawer?", "and in the fridge?"."""
+    def _asked_again(self, words: str, mark: str) -> str | None:
+        """Return the last question with another phrase: "what is in the drawer?", "and in the fridge?".
+
+        mark: the sign after the words.
+        """
         last = self.turns[-1] if self.turns else None
         match = re.match(r"(?:and|what about|how about|and what about|or)\b ?(.+)$", words)
         answered = last is not None and isinstance(last.outcome, Answer)
         earlier = (question(" ".join(part.words)) for part in parts_of(last.sentence)) if last and answered else ()
         before = next((asked for asked in earlier if asked), None)
         placed = rf"\b(?:{verb_words()})\b|\bon (?:top(?: of)? ?)?(?:it|that|those|)$"  # says what is to be done
-        if match is None or before is None or re.search(placed, match[1]):
+        if match is None or before is None:
+            return None
+        beside = _BESIDE_IT.match(match[1]) and (mark == "?" or not match[1].startswith("on "))
+        if beside and re.match("where|what|which", before):
+            return f"what is {match[1]}"
+        if re.search(placed, match[1]):
             return None
         planner = self.planner()
         new, old = (phrase(self.now, planner, scan(text))[0] for text in (match[1], before))
@@ -469,7 +481,8 @@ class Dialogue(Conditions):
         world, span = self.now, (0, len(sentence))
         command = proposal(asked)
         if command is not None and not self._asks_why(asked, command):
-            return self._supposed(sentence, command)
+            wished = self.copy()._command(command, made) if re.match(r"why (?:do|would) ", asked) else None
+            return wished if isinstance(wished, Plan) else self._supposed(sentence, command)
         known = Questions(world, self.planner(made), self.turns, self.body)
         if known.pointed:
             known.planner.it = tuple(known.pointed)

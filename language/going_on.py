@@ -85,6 +85,8 @@ class GoingOn(Corrections):
         match, put = _FAR_SIDE.search(text), self._beside()
         if match is None or not match.start() or self.now.cells:
             return None
+        if match["of"] == "table" or (put is None and not match["of"]):
+            return self._across_table(text[: match.start()], text[match.end() :])
         said = match["of"] if match["of"] not in ("it", "that", "that one", "this") else None
         words = f"{said} one" if said and " " not in said else said
         refs = phrase(self.now, self.planner(), scan(words))[1] if words else []
@@ -103,6 +105,19 @@ class GoingOn(Corrections):
         rest = _BETWEEN.sub("", text[match.end() :])
         measure = f"{max(apart, 1):.0f} cm " if match["far"] else ""
         return f"{text[: match.start()]}{measure}{side} {name(world, anchor)}{rest}"
+
+    def _across_table(self, before: str, after: str) -> str | None:
+        """Return plain words with the side of the table on which the thing that they name does not stand; or None.
+
+        before, after: the words beside "to the other side of the table".
+        """
+        world, refs = self.now, phrase(self.now, self.planner(), scan(before))[1]
+        things = [i for ref in refs[:1] for i in ref.things if world.is_loose(i)]
+        if not things:
+            return None
+        off = world.things[things[-1]].y - world.center[1]
+        side = "right" if off * world.toward("left")[1] > 0 else "left"
+        return f"{before}to {side} side of table{after}"
 
     def _same_elsewhere(self, sentence: str, text: str) -> Outcome | None:
         """Return the plan of "the same with X, right side" after something was put beside another thing."""

@@ -323,10 +323,10 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
 
 @cache
 def wordings() -> dict[str, tuple[Rule, ...]]:
-    """Return the rules of `wordings.yaml`: "frames", "misheard" and "plain"."""
+    """Return the rules of `wordings.yaml`, a tuple for each of its sections but "parts"."""
     table = read_yaml(Path(__file__).with_name("wordings.yaml"))
     parts = {**table["parts"], "V": f"(?:{verb_words()})"}
-    for name in ("frames", "orders", "repairs", "misheard", "plain", "questions"):
+    for name in ("frames", "orders", "repairs", "misheard", "plain", "forms", "questions"):
         for part in (*parts, *parts):  # parts may name parts
             table[name] = table[name].replace(f"<{part}>", parts[part])
     frames = "\n".join(f"{parts['START']}(?:{line})(?: [,:])?(?= |$) ==> " for line in table["frames"].splitlines())
@@ -335,7 +335,13 @@ def wordings() -> dict[str, tuple[Rule, ...]]:
     names = ("orders", "repairs", "misheard", "plain")
     rules = {"frames": frames, **{name: table[name] for name in names}}
     found = {name: _rules(lines, ("^", parts["START"])) for name, lines in rules.items()}
-    return {**found, "questions": _rules(asking, ())}
+    return {**found, "forms": _rules(table["forms"], ()), "questions": _rules(asking, ())}
+
+
+@cache
+def forms() -> tuple[tuple[re.Pattern[str], str], ...]:
+    """Return the patterns of whole questions, each with a plainer form of the question."""
+    return tuple((re.compile(rf"^{rule.pattern.pattern}$"), rule.replacement.strip()) for rule in wordings()["forms"])
 
 
 def questions() -> tuple[tuple[str, re.Pattern[str]], ...]:

@@ -14,7 +14,7 @@ from language.chart import is_mutual
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.revising import only_verb, unfit
 from language.several import Several
-from language.spots import a_name, pinned
+from language.spots import a_name, is_elsewhere, pinned
 from language.steps import (
     BOXES,
     CARRY,
@@ -62,7 +62,16 @@ class Planner(Several):
         if len(steps) > 1 and all("is full" in each.failure for each in found):
             found = self._made_room(steps, reading.arbitrary) or found
         forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
-        return [self._allowed(finished(each), forbidden) for each in found]
+        return [self._allowed(self._moving(finished(each)), forbidden) for each in found]
+
+    def _moving(self, plan: Draft) -> Draft:
+        """Return the plan, or that several things are there already: no step of it moves one."""
+        carried = [step for step in plan.steps if step.carries]
+        rest = any(not (step.carries or step.takes) for step in plan.steps)
+        if plan.failure or rest or len({step.object for step in carried}) < 2 or self.world.cells:
+            return plan
+        moved = any(is_elsewhere(plan.world, self.world, step.object, 0.1) for step in carried)
+        return plan if moved else replace(plan, failure="they are there already", reason="already", steps=())
 
     def _made_room(self, steps: tuple[Clause, ...], arbitrary: bool) -> list[Draft]:
         """Return the plans of clauses that first put on the table what fills a container and goes elsewhere later."""

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from operator import attrgetter
 from typing import NamedTuple
 
 from language import costs
 from language.meanings import Entity, Gesture, RelationPhrase
 from language.objects import HAND
-from language.spots import Rest, along, extent, half_of, middle_of, pair_of
+from language.spots import NEAR, Rest, along, extent, half_of, middle_of, pair_of
 from language.words import GROUPS
 from language.world import FIXED, FLAT, SIDES, WorldModel
 
@@ -224,11 +225,6 @@ def best(refs: list[Ref], score: Callable[[Ref], float], tie: float, number: int
     scores = [score(ref) for ref in refs]
     least = min(scores)
     return [ref for ref, value in zip(refs, scores, strict=True) if value <= least + tie]
-
-
-def without(relation: RelationPhrase, entity: Entity) -> tuple[RelationPhrase, ...]:
-    """Return the other relations of an entity."""
-    return tuple(other for other in entity.relations if other is not relation)
 
 
 def relation_cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchors: Sequence[Anchors]) -> float | None:
@@ -523,12 +519,19 @@ class Resolver:
         if anchor.kind == "mutual":  # "the two cubes that are closest together"
             return pair_of(refs, sign) if number == 2 else []
         if relation.name == "near":
-            return self._related(refs, RelationPhrase("beside", relation.anchors)) or self._nearest(refs, anchor)
+            return self._near(refs, relation, several=entity.plural or entity.every)
         return self._nearest(self._solid(refs), anchor, sign, number)
+
+    def _near(self, refs: list[Ref], relation: RelationPhrase, several: bool) -> list[Ref]:
+        """Return the referents beside the anchor, or the nearest one; several: all that are near, on a table."""
+        anchors = self.anchors(relation.anchors[0]).refs if several and not self.world.cells else []
+        near = [ref for ref in refs if any(0.0 < distance(ref.x, ref.y, anchor) < NEAR for anchor in anchors)]
+        beside = near or self._related(refs, RelationPhrase("beside", relation.anchors))
+        return beside or self._nearest(self._solid(refs), relation.anchors[0])
 
     def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0, number: int = 1) -> list[Ref]:
         """Return the referents that are nearest to the anchor, or, with sign -1, farthest from it."""
-        anchors = self.resolve(anchor)
+        anchors = self.anchors(anchor).refs
         if not anchors:
             return []
         most = min(ref.cost for ref in anchors) + 1.0
@@ -569,19 +572,16 @@ class Resolver:
 
     def _superlative(self, name: str, refs: list[Ref], number: int) -> list[Ref]:
         tie = TIE * self.world.pitch
-        if name in ("left", "right", "front", "back"):
+        if name in SIDEWAYS.values():
             return self._toward(refs, (name,), number)
         if name in ("high", "low"):
             return self._toward(refs, ("up" if name == "high" else "down",))
         if name in ("largest", "smallest"):
-            sign = -1.0 if name == "largest" else 1.0
-            return best(refs, lambda ref: sign * self._width(ref), 0.003, number)
+            sign, width = -1.0 if name == "largest" else 1.0, partial(extent, self.world)
+            return best(refs, lambda ref: sign * max(map(width, ref.things), default=0.0), 0.003, number)
         sign = 1.0 if name == "nearest" else -1.0
         robot = heads(self.world, Entity("robot"))[0]
         return best(refs, lambda ref: sign * distance(ref.x, ref.y, robot), tie, number)
-
-    def _width(self, ref: Ref) -> float:
-        return max((extent(self.world, i) for i in ref.things), default=0.0)
 
     def _counted(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
         """Return the referent of a rank: from the left, unless the phrase says from where."""

@@ -12,6 +12,7 @@ from language import costs
 from language.acts import act_of
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.memory import carried
+from language.objects import DEVICES
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
@@ -20,8 +21,9 @@ from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
 from language.spots import pinned
+from language.steps import LOOSE
 from language.talk import name, offers, phrase
-from language.verbs import HERE, POINTING, Act, bringing
+from language.verbs import HERE, POINTING, Act, bringing, doing
 from language.words import REGIONS
 from language.world import FIXED, WorldModel
 
@@ -58,6 +60,18 @@ _HEIGHT = re.compile(
     r"|further|up|down) )*(?P<side>higher|lower|high|low|up|upwards|to top)"
     r"(?: (?:up|down|please|now|a bit|a little|more|again|still|than that))*$"
 )
+_OF_TOWER = re.compile(  # "the lower cube", "the top one of the stack"
+    r"\b(?:(?P<low>lower|bottom|lowest|bottommost|undermost)|upper|top|uppermost|topmost) (?:one|cube|block|brick)\b"
+    r"(?: (?:of|in|from|on) (?:that |this )?(?:tower|stack|pile))?(?! (?:of|left|right|on top))"
+)
+_ONE_MORE = re.compile(  # of a tower: "and another one on top"
+    r"(?:(?:and|now|then|please|can you|could you) )*(?:(?:put|place|add|stack|set) )?(?:another|one more)"
+    r"(?: one| cube| block)? on (?:top(?: of (?:it|that|them|tower|stack))?|(?:that |this )?(?:tower|stack|pile))"
+    r"(?: as well| too| please| now)*"
+)
+_OF_BOXES = re.compile(  # "in the closed one"
+    r"\b(?:in|into|inside) ((?:(?P<open>open|opened)|closed|shut) (?:one|container|box)\b)"
+)
 _LEVEL = re.compile(  # of a tower that was asked for
     r"(?:(?:no|actually|but|and|now|rather|instead|please|wait|ok|okay|hmm|better|,|i (?:want|need|would like|meant"
     r"|said|prefer)|make|put|have|with|could you|can you) )*"
@@ -77,6 +91,8 @@ _HELD = re.compile(
     r"\b(?:things?|ones?|cubes?|blocks?|objects?|what|whatever|that) (?:that |which )?(?:(?:you|robot|arm|gripper) "
     r"(?:(?:are|is|still|now|currently|have) )*(?:hold|holds|holding|carry|carries|carrying|grip|gripping|grasping)"
     r"|(?:is |are )?in (?:your|robot) (?:gripper|hand|claw|fingers))\b"
+    r"|^(?:please |now )*(?:let go|(?:open|release|relax|loosen)(?: up)? (?:your )?"
+    r"(?:gripper|claw|grip|jaws|fingers|hand))(?: now| please| of it| up| wide)*$"
 )
 _MEANT = re.compile(r"\b(?:meant|mean|sorry|oops|rather)\b", re.IGNORECASE)
 PREFERS = re.compile(  # another thing than that with which the last plan did something
@@ -105,6 +121,8 @@ class Replies(Recollections):
             return None  # a word is left out that may change the meaning
         if len(reply.steps) > 1 or clause.verb is not None:  # "no, take the blue one"
             return self._tried(sentence, [Reading(reply.steps)], found, restore=world.cells, back=True)
+        if asked is None and clause.entity is not None and clause.entity.noun in DEVICES and self._carried_last():
+            return self._tried(sentence, [Reading((replace(clause, verb=doing(Act.OPERATE)),))], found)
         corrects = reply.rejects or _MEANT.search(sentence)
         if corrects and self.last is not None and (side := on_other_side(self.last.steps[-1], clause)) is not None:
             return self._tried(sentence, [Reading((*self.last.steps[:-1], side))], found, restore=True)
@@ -130,6 +148,11 @@ class Replies(Recollections):
         meant = revised(self._beside_chosen(self.last), reply)
         meant = meant if restore else [self._higher(each) for each in meant]
         return self._tried(sentence, meant, found, restore=bool(restore))
+
+    def _carried_last(self) -> bool:
+        """Whether the last sentence was carried out and was about a thing that is carried."""
+        done = bool(self.turns) and isinstance(self.turns[-1].outcome, Plan)
+        return done and self.last is not None and self.last.steps[-1].act in LOOSE
 
     def _in_that_order(self, asked: Question, clause: Clause) -> Reading | None:
         """Return the last reading for all that was asked about, in an order: "both, the drawer first"; or None."""
@@ -241,7 +264,7 @@ class Replies(Recollections):
 
         text: the words of the sentence.
         """
-        if (place := self._opposite_corner(text) or self._far_side(text)) is not None:
+        if (place := self._opposite_corner(text) or self._far_side(text) or self._told_apart(text)) is not None:
             return place
         match = _LEVEL.match(text)
         last = self.last.steps[-1] if self.last is not None else None
@@ -254,6 +277,32 @@ class Replies(Recollections):
 
     def _far_side(self, text: str) -> str | None:
         raise NotImplementedError
+
+    def _told_apart(self, text: str) -> str | None:
+        """Return plain words with the name of "the lower cube" of the only tower, "the closed one" of two; or None."""
+        world, box = self.now, _OF_BOXES.search(text)
+        boxes = [i for i in world.containers if (i in world.open) == bool(box and box["open"])]
+        if box is not None and len(boxes) == 1:
+            return f"{text[: box.start(1)]}{name(world, boxes[0])}{text[box.end() :]}"
+        if _ONE_MORE.fullmatch(text) and (one := self._one_more()) is not None:
+            return one
+        found = list(_OF_TOWER.finditer(text))
+        tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
+        if len(found) != 1 or world.cells or len(tops) != 1 or "stacked" in text:
+            return None
+        match, column = found[0], world.column(world.things[tops[0]].x, world.things[tops[0]].y)
+        meant = column[0] if match["low"] else column[-1]
+        return f"{text[: match.start()]}{name(world, meant)}{text[match.end() :]}"
+
+    def _one_more(self) -> str | None:
+        """Return plain words that put a further thing on the tower that was built last, or None."""
+        world, top = self.now, next(iter(self.it), None)
+        if top is None or world.below[top] is None or world.cells:
+            return None
+        tower = world.column(world.things[top].x, world.things[top].y)
+        loose = (i for i in range(len(world.things)) if world.is_loose(i) and world.is_on_ground(i))
+        free = [i for i in loose if i not in tower and world.above[i] is None]
+        return f"put {name(world, free[0])} on top of {name(world, tower[-1])}" if free else None
 
     def _opposite_corner(self, text: str) -> str | None:
         """Return plain words with the corner that is opposite the place where something was put last; or None."""

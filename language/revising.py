@@ -8,10 +8,10 @@ from dataclasses import replace
 
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.outcomes import Step
-from language.places import ONTO
 from language.spots import BRUSHED, a_name, is_elsewhere, pinned
 from language.steps import CARRY
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
+from language.wishes import ONTO
 from language.words import ENCLOSING
 from language.world import WorldModel
 

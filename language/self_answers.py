@@ -116,6 +116,18 @@ class SelfAnswers(ABC):
                 return f"{name(turn.world, things[0]).split(' in ')[0]} was {where(turn.world, things[0])}"
         return self._told(things[0], "place") if things else None
 
+    def shifted(self, match: re.Match[str]) -> str | None:
+        """Say how far something is from where it was before it was moved last."""
+        things = self.refs(match[1])[1][:1]
+        turn = next(
+            (turn for turn, plan in reversed(self._plans()) if any(s.object in things for s in plan.steps)), None
+        )
+        if turn is None:
+            return f"I have not moved {self.names(things)}" if things else None
+        self.things, (old, new) = things, (world.things[things[0]] for world in (turn.world, self.world))
+        moved = math.hypot(new.x - old.x, new.y - old.y)
+        return f"by {moved:.0f} cells" if self.world.cells else f"by {100 * moved:.0f} cm"
+
     def holders(self, text: str) -> list[int]:
         """Return the containers and the person's hand that words name; all of them if the words name none."""
         boxes = [i for i in (*self.world.containers, self.world.hand) if i is not None]
@@ -190,6 +202,15 @@ class SelfAnswers(ABC):
         loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i)]
         self.things = [i for i in loose if (i in done) != left]
         return self.names(self.things) if self.things else "none"
+
+    def left_over(self, match: re.Match[str]) -> str | None:
+        """Name the things that stand alone on the table and that no plan was about, or count them."""
+        used = {i for _, plan in self._plans() for step in plan.steps for i in (step.object, step.goal)}
+        stacked = {i for stack in self._stacks() for i in stack}
+        free = (i for i in range(len(self.world.things)) if self.world.is_loose(i) and self.world.is_on_ground(i))
+        self.things = [i for i in free if i not in used | stacked]
+        named = self.names(self.things) if self.things else "none"
+        return f"{len(self.things)}: {named}" if match[0].startswith("how many") and self.things else named
 
     def upcoming(self, match: re.Match[str]) -> str | None:
         """Say what is done next: nothing of its own accord."""
@@ -400,7 +421,7 @@ class SelfAnswers(ABC):
             left = [i for i, thing in enumerate(world.things) if not thing.target and i not in left_out]
             loose = [i for i in left if world.is_loose(i) and world.is_on_ground(i)]
             return f"I see {self.names(loose or left)}"
-        return seen(self.world)
+        return seen(self.world, on_table=re.search(r"\bon (?:table|desk|board|workspace)\b", match.string) is not None)
 
     def who(self, match: re.Match[str]) -> str | None:
         """Say what the robot is, or what a gesture shows."""

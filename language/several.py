@@ -15,11 +15,11 @@ from language.chart import is_mutual
 from language.free_spots import GRID, SHARES, clear_of
 from language.meanings import Clause, Entity, RelationPhrase
 from language.movers import Movers
-from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import thing_ref
 from language.spots import Point, Spot, a_name, along, pinned, place_at, point_at, settle
 from language.steps import BOXES, CARRY, ON_TABLE, Draft, allows, obstacle, topmost
 from language.verbs import Act, doing
+from language.wishes import ONTO, SpotWish, anywhere, free_spot
 from language.words import ENCLOSING
 from language.world import WorldModel
 
@@ -265,7 +265,7 @@ class Several(Movers):
         for box in (first.on, second.on):
             if box in plan.world.containers and box not in plan.world.open:
                 plan = self._opened_first(plan, box)
-        spot = free_spot(plan.world, one, [_Wish(plan.world.center[0], plan.world.center[1], _anywhere)])
+        spot = free_spot(plan.world, one, [SpotWish(plan.world.center[0], plan.world.center[1], anywhere)])
         steps = [(one, spot), (other, first)]
         if first.on not in plan.world.containers or second.on in plan.world.containers:
             steps.append((one, second))
@@ -285,7 +285,9 @@ class Several(Movers):
             return np.hypot(x - base.x, y - base.y) >= room
 
         for index in reversed(tower):
-            plan = self._put(plan, Clause(CARRY), index, free_spot(plan.world, index, [_Wish(base.x, base.y, apart)]))
+            plan = self._put(
+                plan, Clause(CARRY), index, free_spot(plan.world, index, [SpotWish(base.x, base.y, apart)])
+            )
         plan = replace(plan, notes=())  # of the places where things stand meanwhile
         swapped = [{one: other, other: one}.get(index, index) for index in tower]
         plan = self._put(plan, Clause(CARRY), swapped[0], base)

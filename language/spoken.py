@@ -7,6 +7,8 @@ import re
 from language.scanning import Token
 from language.words import phrases
 
+_SOUND = r"(?:u+h*m+|u+h+|e+r+m*|e+h+m*|h+m+|\u00e4h+m?)"
+_PAUSE = r"\s*[,.\u2026\u2013\u2014-]*\s*"
 _HUMS = r"(?:u+h+|u+m+|erm?|hm+|so|well|okay|ok|and|but|then|now|yeah|please|no)"
 _BEGUN = re.compile(
     rf"(?:^|(?<=[.!?;,]))(?P<before>\s*(?:{_HUMS}\b,?\s+)*)"
@@ -19,36 +21,18 @@ _PRAISE = re.compile(
     r"(?!not\b|no\b|do\s?n.?t\b)",
     re.IGNORECASE,
 )
-
-
-def fluent(sentence: str) -> str:
-    """Return a sentence without praise before "but", and without what its speaker begins again or takes back."""
-    sentence = _PRAISE.sub("", sentence)
-    sentence = _DID_MEAN.sub(r"\1 meant", _SHOULD.sub(r"\1 would ", sentence))
-    sentence = _AGAIN.sub("", _HALTED.sub("", sentence))
-    for _ in range(3):
-        shorter = _BEGUN.sub(lambda match: match["before"], sentence)
-        if shorter == sentence:
-            break
-        sentence = shorter
-    return sentence
-
-
-_ER = r"(?:u+h*m+|u+h+|e+r+m*|e+h+m*|h+m+|\u00e4h+m?|no|sorry|wait|i mean)"
+_ER = rf"(?:{_SOUND}|no|sorry|wait|i mean)"
 _JOIN = (
     r"(?:on top of|next to|in front of|(?:to the )?(?:left|right) of|on|onto|in|into|inside|behind|under|near|beside|to"
     r"|at|by)"
 )
 _PHRASE = r"(?:(?!(?:and|or|then|but)\b)[\w']+\s+){0,3}?(?:(?!(?:and|or|then|but)\b)[\w']+)"
 _HALTED = re.compile(  # "on the yellow, ehm, on the cyan one"
-    rf"\b(?P<wrong>(?P<join>{_JOIN})\s+(?:the\s+)?{_PHRASE})\s*(?:,|\.\.+|\u2026|-|\u2013|\u2014)*\s*"
-    rf"\b(?:{_ER}\b\s*(?:,|\.\.+|\u2026|-|\u2013|\u2014)*\s*)+(?=(?P=join)\s+\w)",
+    rf"\b(?P<wrong>(?P<join>{_JOIN})\s+(?:the\s+)?{_PHRASE}){_PAUSE}\b(?:{_ER}\b{_PAUSE})+(?=(?P=join)\s+\w)",
     re.IGNORECASE,
 )
 _AGAIN = re.compile(  # "on the, um, the yellow one"
-    r"\b(?P<word>[\w']+)\s*[,.\u2026\u2013\u2014-]*\s*"
-    r"\b(?:u+h*m+|u+h+|e+r+m*|e+h+m+|h+m+)\b\s*[,.\u2026\u2013\u2014-]*\s*"
-    r"(?=(?P=word)\b)",
+    rf"\b(?P<word>[\w']+){_PAUSE}\b{_SOUND}\b{_PAUSE}(?=(?P=word)\b)",
     re.IGNORECASE,
 )
 _SHOULD = re.compile(
@@ -57,8 +41,25 @@ _SHOULD = re.compile(
     re.IGNORECASE,
 )
 _DID_MEAN = re.compile(r"\b(I) (?:did|do) (?:really |actually |in fact )?mean\b", re.IGNORECASE)
-
-
+_RHETORICAL = re.compile(  # what is said before a command or a question and asks for nothing
+    rf"^\s*(?:{_HUMS}\b,?\s+)*(?:how (?:many times|often) (?:do|must|should|have) i (?:have to |need to |got to )?"
+    r"(?:say|tell|ask|repeat)\b[^,.;:!?]*[,.;:!?]+"
+    r"|what was i (?:going to say|about to say|saying|just saying)"
+    r"(?:[,.?!\s]+(?:oh|right|yes|ah|well|again|hm+|u+h+|u+m+)\b)*"
+    r"|without \w+ing (?:anything|any \w+),?)[,.?!\s]*(?=\w)",
+    re.IGNORECASE,
+)
+_NOT_BUT = re.compile(  # "don't put it in the drawer put it in the other one"
+    r"\b(?P<not>(?:do not|don['\u2019]?t) (?P<verb>put|place|set|drop|stack|lay|move|take|give|open|close|touch)\b"
+    r"[^,.;:!?]+?)"
+    r" (?=(?P=verb) (?:it|that|the)\b)",
+    re.IGNORECASE,
+)
+_IF_SO = re.compile(  # "check whether it is empty, and if so put ..."
+    r"\b(?:check|see|look|test|find out) (?:if|whether) (?P<so>.+?),?(?: and)? if (?:so|yes|it is|that is so)\b,?"
+    r"(?: then\b)?",
+    re.IGNORECASE,
+)
 _BEFORE_A_THING = frozenset(
     phrases("near, to, in, on, of, at, into, onto, behind, beside, between, by, from, under, with")
 )
@@ -66,6 +67,20 @@ _BEGINNINGS = frozenset(
     phrases("that is, which is, it is, not, but not, i want, can you, could you, put, take, move, a")
 )
 _LONGEST = 3  # words that are said again within a clause
+
+
+def fluent(sentence: str) -> str:
+    """Return a sentence without praise before "but", and without what its speaker begins again or takes back."""
+    sentence = _IF_SO.sub(r"if \g<so>,", sentence)
+    sentence = _NOT_BUT.sub(r"\g<not>, ", _RHETORICAL.sub("", _PRAISE.sub("", sentence)))
+    sentence = _DID_MEAN.sub(r"\1 meant", _SHOULD.sub(r"\1 would ", sentence))
+    sentence = _AGAIN.sub("", _HALTED.sub("", sentence))
+    for _ in range(3):
+        shorter = _BEGUN.sub(lambda match: match["before"], sentence)
+        if shorter == sentence:
+            break
+        sentence = shorter
+    return sentence
 
 
 def without_restarts(found: list[Token]) -> list[Token]:

@@ -12,6 +12,7 @@ from language import costs
 from language.meanings import Entity, Gesture, Measure, RelationPhrase
 from language.world import FLAT, Thing, WorldModel
 
+NEAR = 0.15  # metres from the middle of a thing up to which a thing or a spot is next to it
 NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
 MIDDLE = 0.125  # of a table's width or depth, from its middle, within which a thing is in neither half
 BRUSHED = 0.3  # of the distance between neighbours: a thing that moved less was only brushed

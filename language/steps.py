@@ -12,10 +12,11 @@ from language.lattice import BARE_PLACES
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.objects import HAND
 from language.outcomes import Step
-from language.places import _anywhere, _Wish, free_spot, spots
+from language.places import spots
 from language.referents import Resolver
 from language.spots import Point, Rest, Spot, a_name, old_place, place_at, point_at, says_top, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
+from language.wishes import SpotWish, anywhere, free_spot
 from language.world import AT_END, FIXED, WorldModel
 
 KEPT = 12  # plans of the clauses so far
@@ -219,7 +220,7 @@ class Steps:
     def _aside(self, plan: Draft, index: int, note: str) -> Draft:
         """Return the plan with a thing at a free spot of the table."""
         thing = plan.world.things[index]
-        spot = free_spot(plan.world, index, [_Wish(thing.x, thing.y, _anywhere)])
+        spot = free_spot(plan.world, index, [SpotWish(thing.x, thing.y, anywhere)])
         if spot.why_not:
             return replace(plan, failure=spot.why_not, reason="impossible")
         step = Step(bringing("goal"), index, None, (spot.x, spot.y), spot.bottom, implied=True)

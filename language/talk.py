@@ -336,12 +336,13 @@ def holds(world: WorldModel) -> str:
     return "My gripper is empty: I hold nothing" if world.held is None else f"I hold {a_name(world, world.held)}"
 
 
-def seen(world: WorldModel) -> str:
-    """Return everything that there is, in a sentence."""
+def seen(world: WorldModel, on_table: bool = False) -> str:
+    """Return everything that there is, in a sentence; on_table: what is held or in something is told apart alone."""
     loose = [i for i in range(len(world.things)) if world.is_loose(i)]
+    shown = [i for i in loose if not on_table or not (i in world.inside or i == world.held)]
     marks = [a_name(world, i).replace("the ", "a ", 1) for i, thing in enumerate(world.things) if thing.target]
     fixed = [a_name(world, i) for i in (*world.devices, *world.containers)]
-    text = f"I see {listed([*(a_name(world, i) for i in loose), *fixed, *marks])}"
+    text = f"I see {listed([*(a_name(world, i) for i in shown), *fixed, *marks])}"
     apart = [
         (f"{a_name(world, i)} is {where(world, i)}")
         for i in loose

@@ -117,8 +117,13 @@ def test_a_deed_that_a_clause_of_time_tells_keeps_its_place():
     assert [(step.object, step.goal) for step in steps[-2:]] == [(RED, YELLOW), (BUTTON, None)]
 
 
-def test_one_tower_is_not_built_where_two_are_asked_for():
-    assert not isinstance(Dialogue().answer("make two towers of two cubes", room()), Plan)
+@pytest.mark.parametrize(
+    "sentence", ["make two towers of two cubes", "build two stacks", "make two piles of two blocks each"]
+)
+def test_two_towers_are_built_where_two_are_asked_for(sentence):
+    steps = [step for step in Dialogue().answer(sentence, room()).steps if step.goal is not None]
+    assert len(steps) == 2
+    assert len({index for step in steps for index in (step.object, step.goal)}) == 4
 
 
 def test_a_button_that_stays_down_is_pressed_once_and_that_is_said():
