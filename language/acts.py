@@ -299,7 +299,7 @@ _OPENING = re.compile(
     r"|(?:can|could|would|will) you(?: please)?(?= (?:count|list|name|describe) (?!out\b))"
     r"|(?:(?:can|could) you (?:please )?)?(?:check|find out|see|show me)"
     r"(?= (?:what|where|which|who|how many)\b(?!.* and ))"
-    r"|just|also|,) )+"
+    r"|go(?: and)?(?= (?:check|find out|see)\b)|just|also|,) )+"
 )
 ABLE = re.compile(  # about things in general
     r"^(?:can|could|are) you (?:\w+ ){1,3}"

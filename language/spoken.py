@@ -56,8 +56,9 @@ _NOT_BUT = re.compile(  # "don't put it in the drawer put it in the other one"
     re.IGNORECASE,
 )
 _IF_SO = re.compile(  # "check whether it is empty, and if so put ..."
-    r"\b(?:check|see|look|test|find out) (?:if|whether) (?P<so>.+?),?(?: and)? if (?:so|yes|it is|that is so)\b,?"
-    r"(?: then\b)?",
+    r"\b(?:check|see|look|test|find out) (?:if|whether) (?P<so>.+?),?"
+    r"(?:(?: and)? if (?:so|yes|it is|that is so)\b,?(?: then\b)?"
+    r"|(?: and| then)+(?= (?:put|take|give|bring|move|hand|get) (?:it|that|them)\b))",
     re.IGNORECASE,
 )
 _BEFORE_A_THING = frozenset(
