@@ -93,7 +93,7 @@ class Questions(Alternatives):
     def _answer(self, asked: str) -> str | None:
         asked = re.sub(r"\b((?:to|on|most|f[au]rthest)(?: my| your)? right) now\b", r"\1", asked)
         asked = re.sub(
-            r" (?:still|currently|actually|right now|at moment|presently|here(?= (?:that|which)\b))\b"
+            r" (?:still|currently|actually|right now|at moment|at all|presently|here(?= (?:that|which)\b))\b"
             r"(?! (?:open|closed|there))",
             "",
             asked,

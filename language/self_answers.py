@@ -21,7 +21,7 @@ from language.talk import abilities, holds, name, said, seen, where
 from language.verbs import DEVICE_VERBS, KNOWN, Act
 from language.viewpoint import whose_left
 from language.words import GROUPS, NUMBERS
-from language.world import WorldModel
+from language.world import AT_END, WorldModel
 
 _DEED = re.compile(
     r"(?:did|have) (?:you|we|i) (?:already |just |ever |really |even )*(?P<verb>\w+(?: (?:up|down|out|off))?)"
@@ -202,6 +202,14 @@ class SelfAnswers(ABC):
         loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i)]
         self.things = [i for i in loose if (i in done) != left]
         return self.names(self.things) if self.things else "none"
+
+    def switched(self, match: re.Match[str]) -> str | None:
+        """Say whether a device is on or off."""
+        self.things = [i for i in self.refs(match[1])[1] if i in self.world.devices][:1]
+        if not self.things:
+            return None
+        on = abs(self.world.moved.get(self.things[0], 0.0)) > AT_END
+        return f"{'on' if on else 'off'}: {self._told(self.things[0], 'state')}"
 
     def left_over(self, match: re.Match[str]) -> str | None:
         """Name the things that stand alone on the table and that no plan was about, or count them."""

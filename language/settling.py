@@ -27,6 +27,7 @@ from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
 from language.world import WorldModel
 
+_BEGINS = (".", "!", ";", ",", "and", "then", "please")  # a verb may follow
 _NEARBY = ("near", "left", "right", "front", "behind", "under", "opposite", "away")  # relations that always matter
 PLAIN = (*LIMITING, "tell")  # words that no refusal calls unknown
 PERSONS = ("me", "us", "myself", "him", "her", "lady", "them", "someone")
@@ -256,7 +257,8 @@ def matters(lattice: Lattice, index: int) -> bool:
         return False
     if index in lattice.unknown or lattice.is_corrected(index):
         after = lattice.edges[index + 1].keys() if index + 1 < len(lattice) else set()
-        if {"noun", "color", "size"} & after and index > 0:  # an adjective; alone it may say which cube
+        begins = index == 0 or lattice.text(index - 1) in _BEGINS
+        if {"noun", "color", "size"} & after and not begins:  # an adjective; alone it may say which cube
             nouns = {edge.value for edge in lattice.get(index + 1, "noun")}
             return index in lattice.unknown and nouns == {"thing"} and not {"color", "size"} & after
         before = lattice.text(index - 1) if index else ""

@@ -162,6 +162,8 @@ def test_an_arm_that_is_in_the_way_goes_home(sentence):
         ("is my hand empty?", "H", ["no", "orange"]),
         ("tell me the colour of the leftmost cube", "A", ["red"]),
         ("what fits in the drawer", "B", ["one"]),
+        ("is there anything at all left in the refrigerator?", "K", ["yes", "yellow"]),
+        ("is the lever on or off", "A", ["on:"]),
         ("which one is the blue cube nearer to, yellow or red?", "A", ["yellow"]),
     ],
 )
@@ -205,3 +207,10 @@ def test_a_third_cube_is_refused_on_a_tower_of_two():
     outcome, _ = turns("stack red on blue", "put another one on top")
     assert isinstance(outcome, Refusal)
     assert "on top of two" in outcome.text
+
+
+@pytest.mark.parametrize("sentence", ["open the drawer and zorp the red cube", "press the button, zorp the red cube"])
+def test_a_clause_whose_verb_is_unknown_is_not_left_out(sentence):
+    outcome = said(sentence)
+    assert isinstance(outcome, Refusal)
+    assert "zorp" in outcome.text
