@@ -143,7 +143,7 @@ class StepRunner:
     def _loaded(self) -> set[str]:
         own = f"{self.folder.relative_to(self.book.root)}{os.sep}"
         found = {line for each in self.folder.glob("trace/*.loaded") for line in each.read_text().splitlines()}
-        return {path for path in found if not path.startswith((own, "outputs" + os.sep))}
+        return {path for path in found if not path.startswith((own, "outputs" + os.sep, "build" + os.sep))}
 
     def _result(self, seconds: float, commands: list[str]) -> dict[str, Any]:
         values = self._values(len(commands))
