@@ -12,7 +12,7 @@ from rapidfuzz.distance import OSA
 from language.costs import SPELLING
 from language.embedded import TELLING, direct
 from language.lattice import STRANGERS, spellings, undoubled, vocabulary
-from language.normalise import forms, plain_start
+from language.normalise import plain_start, wordings
 from language.remarks import command, is_chat
 from language.scanning import COLOR, MARKS, THING, Token, scan, text_of, verb_words
 from language.signalling import PLACES, STARTING, plainest
@@ -379,8 +379,8 @@ def question(text: str) -> str | None:
     tag = r"(?:(?<=open|shut|full)|(?<=closed)|(?<=empty)| ,) (?:right|correct|yes|no|true)$"
     asked = re.sub(tag, " , is it", asked) if text.endswith("?") else asked
     asked = re.sub(r"^((?:which|what|who|where)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", _spelled(asked)))
-    for pattern, plain in forms():
-        asked = pattern.sub(plain, asked)
+    for form in wordings()["forms"]:
+        asked = form.pattern.sub(form.replacement, asked)
     if not _ASKING.search(asked) or (_REQUESTING.match(asked) and not _AT_ONCE.match(asked)):
         return None
     plain = plain_start(asked)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from language.referents import thing_ref
 from language.scanning import THING
 from language.self_answers import SelfAnswers
+from language.several import towers_of
 from language.spots import extent, middle_of
 from language.talk import sides_of
 
@@ -128,14 +129,14 @@ class Comparisons(SelfAnswers):
 
     def stacked(self, match: re.Match[str]) -> str:
         """Say which stacks there are."""
-        stacks = self._stacks()
+        stacks = towers_of(self.world)
         self.things = [i for stack in stacks for i in stack[::-1]]
         told = "; ".join(self.names(stack[::-1]) for stack in stacks)
         return f"yes: {told}, the upper first" if stacks else "no: nothing stands on another thing"
 
     def level(self, match: re.Match[str]) -> str | None:
         """Say which thing of the only stack is the lowest or the highest."""
-        stacks = self._stacks()
+        stacks = towers_of(self.world)
         if len(stacks) != 1:
             return None
         lowest = match[1] in ("lower", "lowest")
@@ -144,7 +145,7 @@ class Comparisons(SelfAnswers):
 
     def highest(self, match: re.Match[str]) -> str | None:
         """Say which stack is the highest, or the lowest."""
-        stacks = self._stacks()
+        stacks = towers_of(self.world)
         if not stacks:
             return "there is no stack"
         most = (min if re.search(r"lowest|smallest", match[0]) else max)(map(len, stacks))

@@ -13,7 +13,7 @@ from rapidfuzz.distance import OSA
 from language import asides, costs, words
 from language.errors import NotUnderstood, check_known
 from language.normalise import known_words, normalised, spelling, wordings
-from language.remarks import command
+from language.remarks import command, naming
 from language.scanning import Token, inflections, said, scan, verb_words
 from language.verbs import KNOWN, Act
 from language.words import FILLERS, TABLE, phrases
@@ -35,7 +35,7 @@ LIMITING = frozenset(phrases(TABLE["limiting"]))  # words that no reading may le
 FLOORS = frozenset(phrases(TABLE["floors"]))
 HARMLESS = FILLERS | frozenset(TABLE["harmless"].split())  # words of phrases that alone change nothing
 BARE_PLACES = ("into", "home", "elsewhere")  # where a thing goes, in words that name nothing else
-STRANGERS = frozenset(phrases(TABLE["strangers"])) | LIMITING  # words that are no misspelling of another
+STRANGERS = words.UNRELATED | LIMITING  # words that are no misspelling of another
 CONTENT = frozenset(
     phrases(
         "noun, color, role, superlative, stack, region, number, ordinal, verb, "
@@ -396,6 +396,6 @@ def teach(category: str, meaning: str, phrase: str) -> None:
 
 def forget_caches() -> None:
     """Clear the caches of the lexicon after its tables were changed."""
-    of_lexicon = (trie, command, vocabulary, _choices, _corrected, _two_words)
+    of_lexicon = (trie, command, naming, vocabulary, _choices, _corrected, _two_words)
     for cached in (*of_lexicon, verb_words, wordings, known_words, spelling):
         cached.cache_clear()

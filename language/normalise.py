@@ -332,21 +332,17 @@ def wordings() -> dict[str, tuple[Rule, ...]]:
     frames = "\n".join(f"{parts['START']}(?:{line})(?: [,:])?(?= |$) ==> " for line in table["frames"].splitlines())
     swapped = (line.split(" ==> ", 1) for line in table["questions"].splitlines())
     asking = "\n".join(f"{pattern} ==> {kind}" for kind, pattern in swapped)
+    split = (line.split(" ==> ", 1) for line in table["forms"].splitlines())
+    whole = "\n".join(f"^{pattern}$ ==> {plain}" for pattern, plain in split)
     names = ("orders", "repairs", "misheard", "plain")
     rules = {"frames": frames, **{name: table[name] for name in names}}
     found = {name: _rules(lines, ("^", parts["START"])) for name, lines in rules.items()}
-    return {**found, "forms": _rules(table["forms"], ()), "questions": _rules(asking, ())}
-
-
-@cache
-def forms() -> tuple[tuple[re.Pattern[str], str], ...]:
-    """Return the patterns of whole questions, each with a plainer form of the question."""
-    return tuple((re.compile(rf"^{rule.pattern.pattern}$"), rule.replacement.strip()) for rule in wordings()["forms"])
+    return {**found, "forms": _rules(whole, ()), "questions": _rules(asking, ())}
 
 
 def questions() -> tuple[tuple[str, re.Pattern[str]], ...]:
     """Return the kinds of answers, each with the pattern of the questions that it answers."""
-    return tuple((kind.strip(), pattern) for pattern, kind, _ in wordings()["questions"])
+    return tuple((kind, pattern) for pattern, kind, _ in wordings()["questions"])
 
 
 def _rules(lines: str, anchors: tuple[str, ...]) -> tuple[Rule, ...]:
@@ -355,5 +351,5 @@ def _rules(lines: str, anchors: tuple[str, ...]) -> tuple[Rule, ...]:
     for line in lines.splitlines():
         pattern, _, replacement = re.sub(r"(?<![a-z])the ", "", line).partition(" ==>")
         anchor = next((each for each in anchors if pattern.startswith(each)), "")
-        found.append(Rule(re.compile(pattern.removeprefix(anchor)), replacement, anchor))
+        found.append(Rule(re.compile(pattern.removeprefix(anchor)), replacement.strip(), anchor))
     return tuple(found)

@@ -17,9 +17,10 @@ from language.lattice import Lattice
 from language.normalise import questions
 from language.planning import Planner
 from language.scanning import COLOR, THING, Token, scan, text_of
+from language.spots import is_operated
 from language.talk import holds, listed, name, phrase, real, seen, state, where
 from language.words import GROUPS, colors, nouns, phrases
-from language.world import AT_END, WorldModel
+from language.world import WorldModel
 
 _PLAIN_VERBS = frozenset(
     phrases(
@@ -198,9 +199,7 @@ class Questions(Alternatives):
             plain.startswith(tuple(_OPERATED)) and plain.split()[-1] in ("in", "down", "over", "on")
         ):
             wanted = bool(_OPERATED.get(plain, _OPERATED.get(plain.split()[0], 1)))
-            return Predicate(
-                lambda i: (abs(world.moved.get(i, 0.0)) > AT_END) == wanted if i in devices else None, "state"
-            )
+            return Predicate(lambda i: is_operated(world, i) == wanted if i in devices else None, "state")
         if re.fullmatch(r"(?:that )?(?:stacked|piled)(?: up| on top)*", plain):
             return Predicate(lambda i: world.below[i] is not None or world.above[i] is not None, "place")
         if plain in ("empty", "full", "free", "occupied", "taken", "vacant", "in use"):

@@ -8,11 +8,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import cache
-from itertools import pairwise
+from itertools import zip_longest
 from typing import NamedTuple
 
 from language.scanning import COLOR, MARKS, Token, text_of, verb_words
-from language.words import TABLE, phrases
+from language.words import UNRELATED
 
 _THING = (
     rf"(?:{COLOR}|cubes?|blocks?|bricks?|box|boxes|pieces?|drawers?|fridge|refrigerator|doors?|button|lever|wheel|switch"
@@ -115,7 +115,11 @@ _LEAVING = re.compile(
 )
 
 
-_STRANGERS = frozenset(phrases(TABLE["strangers"]))
+_REFERS = re.compile(  # what no exclamation says
+    r"\b(?:it|its|them|they|that|this|these|those|there|here|not|no|never|if|or|else|for|with|of|\w+ly|bit|little"
+    r"|much|far|further|apart|also|too|whichever|choice|choose|decide|like|mind|matter|closed|empty|full|out|towards?"
+    r"|yourself|me|us)\b"
+)
 
 
 class _Part(NamedTuple):
@@ -132,30 +136,20 @@ def is_chat(words: Sequence[str]) -> bool:
     text = _LEAVING.sub("we agree", text)
     if re.match(r"(?:i|we|he|she|they|my \w+) (?:will|would|want|wants|need|needs|shall|should|must|wish)\b", text):
         return False
-    return bool(re.match(rf"{_SUBJECT}\b", text)) and not _told().search(text.removeprefix("there "))
+    return bool(re.match(rf"{_SUBJECT}\b", text)) and not naming().search(text.removeprefix("there "))
 
 
 @cache
-def _told() -> re.Pattern[str]:
+def naming() -> re.Pattern[str]:
     """Return a pattern for words that name something, an act, a place or a limit."""
     return re.compile(rf"\b(?:{_THING}|{_PLACE}|{_LIMITS}|{verb_words()})\b")
 
 
-def _goes_on(parts: Sequence[_Part], part: _Part) -> bool:
-    """Whether the next part is joined to a part: "whistle, then open the drawer"."""
-    after = next((other for one, other in pairwise(parts) if one is part), None)
-    return after is not None and after.words[0].text in ("and", "then", "but")
-
-
-def is_exclamation(text: str) -> bool:
+def _is_exclamation(text: str) -> bool:
     """Whether a part names nothing and refers to nothing: "perfect, chef's kiss"."""
-    if not _STRANGERS.isdisjoint(text.split()):
+    if not UNRELATED.isdisjoint(text.split()):
         return False
-    refers = (
-        r"\b(?:it|its|them|they|that|this|these|those|there|here|not|no|never|if|or|else|for|with|of|\w+ly|bit|little"
-        r"|much|far|further|apart|also|too|whichever|choice|choose|decide|like|mind|matter|closed|empty|full|out|towards?|yourself|me|us)\b"
-    )
-    return not _told().search(text) and not re.search(refers, text)
+    return not naming().search(text) and not _REFERS.search(text)
 
 
 def without_remarks(found: list[Token]) -> list[Token]:
@@ -167,10 +161,9 @@ def without_remarks(found: list[Token]) -> list[Token]:
         return [token for part in parts for token in part.words]
     refers = any(re.search(r"\b(?:it|its|that|them|there|inside)\b|^\S+$", part.text) for part in asking)
     kept: list[Token] = []
-    for part in parts:
-        if _follows(part, kept):
-            continue
-        if part not in asking and is_exclamation(part.text) and not _goes_on(parts, part):
+    for part, after in zip_longest(parts, parts[1:]):
+        joined = after is not None and after.words[0].text in ("and", "then", "but")  # "whistle, then open the drawer"
+        if _follows(part, kept) or (part not in asking and _is_exclamation(part.text) and not joined):
             continue
         if part in asking or not asks_nothing(part.text):
             kept += part.words

@@ -20,7 +20,7 @@ from language.revising import filled, is_unshown, restoring, revised, selecting,
 from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
-from language.spots import pinned
+from language.spots import on_ground, pinned
 from language.steps import LOOSE
 from language.talk import name, offers, phrase
 from language.verbs import HERE, POINTING, Act, bringing, doing
@@ -287,11 +287,11 @@ class Replies(Recollections):
         if _ONE_MORE.fullmatch(text) and (one := self._one_more()) is not None:
             return one
         found = list(_OF_TOWER.finditer(text))
-        tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
-        if len(found) != 1 or world.cells or len(tops) != 1 or "stacked" in text:
+        towers = towers_of(world)
+        if len(found) != 1 or world.cells or len(towers) != 1 or "stacked" in text:
             return None
-        match, column = found[0], world.column(world.things[tops[0]].x, world.things[tops[0]].y)
-        meant = column[0] if match["low"] else column[-1]
+        match = found[0]
+        meant = towers[0][0] if match["low"] else towers[0][-1]
         return f"{text[: match.start()]}{name(world, meant)}{text[match.end() :]}"
 
     def _one_more(self) -> str | None:
@@ -300,8 +300,7 @@ class Replies(Recollections):
         if top is None or world.below[top] is None or world.cells:
             return None
         tower = world.column(world.things[top].x, world.things[top].y)
-        loose = (i for i in range(len(world.things)) if world.is_loose(i) and world.is_on_ground(i))
-        free = [i for i in loose if i not in tower and world.above[i] is None]
+        free = [i for i in on_ground(world) if i not in tower and world.above[i] is None]
         return f"put {name(world, free[0])} on top of {name(world, tower[-1])}" if free else None
 
     def _opposite_corner(self, text: str) -> str | None:

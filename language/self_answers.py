@@ -15,13 +15,14 @@ from language.planning import Planner
 from language.recalling import acts_of, is_done
 from language.revising import tells
 from language.scanning import scan
-from language.spots import is_elsewhere
+from language.several import towers_of
+from language.spots import is_elsewhere, is_operated, on_ground
 from language.steps import allows
 from language.talk import abilities, holds, name, said, seen, where
 from language.verbs import DEVICE_VERBS, KNOWN, Act
 from language.viewpoint import whose_left
 from language.words import GROUPS, NUMBERS
-from language.world import AT_END, WorldModel
+from language.world import WorldModel
 
 _DEED = re.compile(
     r"(?:did|have) (?:you|we|i) (?:already |just |ever |really |even )*(?P<verb>\w+(?: (?:up|down|out|off))?)"
@@ -208,15 +209,13 @@ class SelfAnswers(ABC):
         self.things = [i for i in self.refs(match[1])[1] if i in self.world.devices][:1]
         if not self.things:
             return None
-        on = abs(self.world.moved.get(self.things[0], 0.0)) > AT_END
-        return f"{'on' if on else 'off'}: {self._told(self.things[0], 'state')}"
+        return f"{'on' if is_operated(self.world, self.things[0]) else 'off'}: {self._told(self.things[0], 'state')}"
 
     def left_over(self, match: re.Match[str]) -> str | None:
         """Name the things that stand alone on the table and that no plan was about, or count them."""
         used = {i for _, plan in self._plans() for step in plan.steps for i in (step.object, step.goal)}
-        stacked = {i for stack in self._stacks() for i in stack}
-        free = (i for i in range(len(self.world.things)) if self.world.is_loose(i) and self.world.is_on_ground(i))
-        self.things = [i for i in free if i not in used | stacked]
+        stacked = {i for stack in towers_of(self.world) for i in stack}
+        self.things = [i for i in on_ground(self.world) if i not in used | stacked]
         named = self.names(self.things) if self.things else "none"
         return f"{len(self.things)}: {named}" if match[0].startswith("how many") and self.things else named
 
@@ -384,20 +383,15 @@ class SelfAnswers(ABC):
         self.things = list(self.pointed[:1])
         return "; ".join(self._told(i, "state") for i in self.things) or "you point at nothing: click a thing"
 
-    def _stacks(self) -> list[list[int]]:
-        """Return the things of each stack, the lowest first."""
-        world = self.world
-        tops = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
-        return [world.column(world.things[i].x, world.things[i].y) for i in tops]
-
     def tall(self, match: re.Match[str]) -> str | None:
         """Say how high a stack is, or how wide a thing is."""
-        stacks = self._stacks()
+        stacks = towers_of(self.world)
         if re.search(r"\b(?:stack|tower|pile)\b", match[1]) or (
             stacks and re.fullmatch(r"(?:it|that|this)(?: now)?", match[1])
         ):
             spoken = [stack for stack in stacks if {*stack} & {*self.planner.it}]
-            self.things = max(spoken or stacks, key=len, default=[])
+            highest: tuple[int, ...] = max(spoken or stacks, key=len, default=())
+            self.things = list(highest)
             return f"it is {len(self.things)} high: {self.names(self.things[::-1])}" if stacks else "there is no stack"
         things = self.subject(match[1])
         if not things:
@@ -427,7 +421,7 @@ class SelfAnswers(ABC):
             world = self.world
             left_out = (world.hand, *self.excepted)
             left = [i for i, thing in enumerate(world.things) if not thing.target and i not in left_out]
-            loose = [i for i in left if world.is_loose(i) and world.is_on_ground(i)]
+            loose = [i for i in on_ground(world) if i in left]
             return f"I see {self.names(loose or left)}"
         return seen(self.world, on_table=re.search(r"\bon (?:table|desk|board|workspace)\b", match.string) is not None)
 

@@ -490,8 +490,10 @@ def _trouble(plan: Draft) -> tuple[bool, int, float]:
     return bool(plan.failure), len(plan.notes), plan.cost
 
 
-def towers_of(world: WorldModel, things: Sequence[int]) -> list[tuple[int, ...]]:
-    """Return the towers, the lowest thing first, to which some things belong."""
+def towers_of(world: WorldModel, things: Sequence[int] | None = None) -> list[tuple[int, ...]]:
+    """Return the towers, the lowest thing first, to which some things belong. None: all, in the order of their tops."""
+    if things is None:
+        things = [i for i, below in enumerate(world.below) if below is not None and world.above[i] is None]
     columns = [tuple(world.column(world.things[i].x, world.things[i].y)) for i in things]
     return [column for column in dict.fromkeys(columns) if len(column) > 1]
 

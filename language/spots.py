@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from language import costs
 from language.meanings import Entity, Gesture, Measure, RelationPhrase
-from language.world import FLAT, Thing, WorldModel
+from language.world import AT_END, FLAT, Thing, WorldModel
 
 NEAR = 0.15  # metres from the middle of a thing up to which a thing or a spot is next to it
 NOTED = 0.007  # metres by which a move differs from the length that was said, from which on that is told
@@ -54,6 +54,16 @@ class Point(NamedTuple):
     on: int | None = None
     free: bool = False
     group: int = 0
+
+
+def on_ground(world: WorldModel) -> list[int]:
+    """Return the things that can be carried and stand on the table or board."""
+    return [i for i in range(len(world.things)) if world.is_loose(i) and world.is_on_ground(i)]
+
+
+def is_operated(world: WorldModel, device: int) -> bool:
+    """Whether a button, lever or wheel has been moved from its start."""
+    return abs(world.moved.get(device, 0.0)) > AT_END
 
 
 def pinned(index: int) -> Entity:

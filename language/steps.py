@@ -14,10 +14,10 @@ from language.objects import HAND
 from language.outcomes import Step
 from language.places import spots
 from language.referents import Resolver
-from language.spots import Point, Rest, Spot, a_name, old_place, place_at, point_at, says_top, settle
+from language.spots import Point, Rest, Spot, a_name, is_operated, old_place, place_at, point_at, says_top, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
 from language.wishes import SpotWish, anywhere, free_spot
-from language.world import AT_END, FIXED, WorldModel
+from language.world import FIXED, WorldModel
 
 KEPT = 12  # plans of the clauses so far
 POINTS = 8  # points of places that are compared with a further relation for the same effort
@@ -276,10 +276,10 @@ class Steps:
             return replace(plan, failure="unturnable", reason="never", entity=Entity(span=clause.span))
         if own and own != kind and named and not world.cells:  # "turn the knob" is the wheel's
             plan = replace(plan, cost=plan.cost + costs.OF_ANOTHER_DEVICE)
-        if pressed and abs(world.moved.get(index, 0.0)) > AT_END and any(s.object == index for s in plan.steps):
+        if pressed and is_operated(world, index) and any(s.object == index for s in plan.steps):
             once = f"{a_name(world, index)} is down then, so I press it once"
             return plan if once in plan.notes else replace(plan, notes=(*plan.notes, once))
-        if pressed and abs(world.moved.get(index, 0.0)) > AT_END:
+        if pressed and is_operated(world, index):
             return replace(
                 plan, failure=f"{a_name(world, index)} is down already", reason="already", entity=plan.entity
             )

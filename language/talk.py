@@ -13,10 +13,10 @@ from language.meanings import Entity
 from language.objects import HAND
 from language.referents import Ref
 from language.scanning import Token, scan
-from language.spots import a_name
+from language.spots import a_name, is_operated
 from language.verbs import DEVICE_VERBS, KNOWN, Act, doing
 from language.words import FILLERS, TABLE
-from language.world import AT_END, FLAT, WorldModel
+from language.world import FLAT, WorldModel
 
 BESIDE = 3.0  # widths of a thing from its middle within which another one is next to it
 WAYS = {"left": "to the left", "right": "to the right", "far": "away from {}", "near": "towards {}"}
@@ -246,7 +246,7 @@ def _sayable(world: WorldModel) -> Iterator[str]:
     for verb, noun in DEVICE_VERBS.items():
         for i in world.devices:
             if world.things[i].kind == noun and (
-                noun != next(iter(DEVICE_VERBS.values())) or abs(world.moved.get(i, 0.0)) <= AT_END
+                noun != next(iter(DEVICE_VERBS.values())) or not is_operated(world, i)
             ):
                 yield f"{verb} {names[i]}"
     bases = [i for i in on_table if world.things[i].kind in FLAT and world.below[i] is None]
@@ -322,11 +322,10 @@ def state(world: WorldModel, index: int) -> str:
         inside = world.contents(index)
         full = f", with {listed([a_name(world, i) for i in inside])} in it" if inside and index in world.open else ""
         return f"{thing} is {'open' if index in world.open else 'closed, not open'}{full}"
-    share = abs(world.moved.get(index, 0.0))
     if world.things[index].kind == HAND:
         return holds(world)
     if index in world.devices:
-        down = share > AT_END
+        down = is_operated(world, index)
         return f"{thing} is {'down: it has been moved' if down else 'up, at its start: it has not been moved'}"
     return f"{thing} is {where(world, index)}"
 

@@ -261,7 +261,7 @@ def _at_side(
     thing, other = world.things[mover], world.things[anchor]
     dx, dy = world.toward(SIDEWAYS[relation.name])
     width = (thing.width + other.width) / 2
-    gap = apart(world, width, relation.measure) if _is_gap(relation) else 1.3 * width + 0.01
+    gap = _apart(world, width, relation.measure) if _is_gap(relation) else 1.3 * width + 0.01
 
     def fits(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
         along = (x - other.x) * dx + (y - other.y) * dy
@@ -287,7 +287,7 @@ def _ring(world: WorldModel, mover: int, anchor: int, what: str, relation: Relat
     """Return the places next to a thing, or that far from it: the one nearest to where the moved thing is."""
     thing, other = world.things[mover], world.things[anchor]
     width, said = (thing.width + other.width) / 2, _is_gap(relation)
-    gap = apart(world, width, relation.measure) if said else 1.3 * width + 0.005
+    gap = _apart(world, width, relation.measure) if said else 1.3 * width + 0.005
     x, y = min(max(thing.x, world.bounds[0]), world.bounds[1]), min(max(thing.y, world.bounds[2]), world.bounds[3])
     now = max(math.dist((x, y), (other.x, other.y)), 1e-6)
     nx, ny = other.x + (x - other.x) * gap / now, other.y + (y - other.y) * gap / now
@@ -349,7 +349,7 @@ def _aside(world: WorldModel, mover: int) -> SpotWish:
 
 
 def _between(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[SpotWish]:
-    refs = [sorted(of_kind(resolver, anchor, mover), key=lambda ref: ref.cost)[:4] for anchor in relation.anchors]
+    refs = [sorted(_of_kind(resolver, anchor, mover), key=lambda ref: ref.cost)[:4] for anchor in relation.anchors]
     found = []
     for one, other in pairs_of(refs, mover):
         wish = _near_point((one.x + other.x) / 2, (one.y + other.y) / 2, 0.06, "the place between the two")
@@ -412,7 +412,7 @@ def _beyond(limit: float, sign: float, on_x: bool) -> Mask:
 def anchors_of(resolver: Resolver, relation: RelationPhrase, mover: int | None) -> list[Ref]:
     """Return the referents of the anchor and, at a cost, its referents among the things that can bear another one."""
     entity = relation.anchors[0]
-    refs = of_kind(resolver, entity, mover)
+    refs = _of_kind(resolver, entity, mover)
     if relation.name == "in" and entity.noun is None:  # "into the other one", "in the blue one"
         boxes = [ref for ref in refs if ref.things[-1:] and ref.things[-1] in resolver.world.containers]
         if boxes:
@@ -424,7 +424,7 @@ def anchors_of(resolver: Resolver, relation: RelationPhrase, mover: int | None) 
     return refs + [ref._replace(cost=ref.cost + costs.ONLY_USABLE) for ref in free]
 
 
-def of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]:
+def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]:
     """Return the referents of a phrase; "the blue one" is rather of the moved thing's kind."""
     things, refs = resolver.world.things, resolver.resolve(entity)
     if entity.kind == "thing" and entity.noun is None and mover is not None:
@@ -433,7 +433,7 @@ def of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]:
     return refs
 
 
-def apart(world: WorldModel, width: float, measure: Measure | None) -> float:
+def _apart(world: WorldModel, width: float, measure: Measure | None) -> float:
     """Return how far apart the middles of two things are, whose mean width is known, for a length that is said."""
     return length_of(world, measure, 0.0) + width * (measure is not None and not isinstance(measure, MiddleDistance))
 

@@ -27,6 +27,7 @@ def phrases(text: str) -> list[str]:
     return [phrase.strip() for phrase in text.split(", ")]
 
 
+UNRELATED = frozenset(phrases(TABLE["strangers"]))  # common words that name nothing here
 _COUNTED = phrases("zero, one, two, three, four, five, six, seven, eight, nine, ten")
 _MORE = {"couple": 2, "couple of": 2, "pair of": 2, "few": 3, "half": 0.5, "dozen": 12, "fifteen": 15, "twenty": 20}
 NUMBERS = {word: float(number) for word, number in (*zip(_COUNTED, range(11), strict=True), *_MORE.items())}

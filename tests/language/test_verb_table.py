@@ -7,6 +7,7 @@ import pytest
 
 from language import Dialogue, Object, Plan, Scene
 from language.lattice import forget_caches, teach
+from language.remarks import naming
 from language.verbs import DEVICE_VERBS, FURTHER, KNOWN, ROOM, VERBS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -62,3 +63,14 @@ def test_a_taught_word_of_a_verb_is_understood():
         forget_caches()
     assert isinstance(outcome, Plan)
     assert [step.object for step in outcome.steps] == [0]
+
+
+def test_a_taught_word_of_a_verb_is_no_exclamation_beside_a_command():
+    assert not naming().search("yoink")
+    before = KNOWN["lift"].words
+    teach("verb", "lift", "yoink")
+    try:
+        assert naming().search("yoink")
+    finally:
+        object.__setattr__(KNOWN["lift"], "words", before)
+        forget_caches()

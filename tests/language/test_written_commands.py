@@ -5,17 +5,10 @@ import math
 import pytest
 
 from language import Answer, Dialogue, Plan, Refusal, Signal
+from tests.helpers.room_cases import outcome_of
 from tests.helpers.sets_room import FACTS, NAMES, done, room, said
 
 CUBES = ("yellow", "blue", "orange", "cyan", "red", "gray")
-
-
-def turns(*sentences, state="A"):
-    """The outcome of the last of some sentences, and the world before it."""
-    talk, world = Dialogue(), room(FACTS[state])
-    for sentence in sentences[:-1]:
-        world = getattr(talk.answer(sentence, world), "result", None) or world
-    return talk.answer(sentences[-1], world), world
 
 
 def apart(world, one, other):
@@ -97,7 +90,8 @@ def test_words_around_a_command_do_not_change_it(sentence, state, steps):
 
 @pytest.mark.parametrize("others", ["the others", "all the other blocks", "the rest"])
 def test_a_cube_is_moved_away_from_several_others(others):
-    outcome, world = turns(f"move the orange cube away from {others}")
+    world = room(FACTS["A"])
+    outcome = Dialogue().answer(f"move the orange cube away from {others}", world)
     nearest = [min(apart(w, "orange", other) for other in CUBES if other != "orange") for w in (world, outcome.result)]
     assert nearest[1] > nearest[0]
 
@@ -174,37 +168,37 @@ def test_questions_in_other_words_are_answered(sentence, state, words):
 
 
 @pytest.mark.parametrize(
-    ("sentences", "words"),
+    ("turns", "words"),
     [
-        (["where is the drawer?", "and inside it?"], ["nothing"]),
+        ("where is the drawer? / and inside it?", ["nothing"]),
         (
-            ["put the red cube in the drawer", "which cubes are left over?"],
+            "put the red cube in the drawer / which cubes are left over?",
             ["yellow", "blue", "orange", "cyan", "gray"],
         ),
-        (["move the gray cube to the left", "how far did you move it"], ["cm"]),
+        ("move the gray cube to the left / how far did you move it", ["cm"]),
     ],
 )
-def test_questions_go_on_from_what_was_said_and_done(sentences, words):
-    outcome, _ = turns(*sentences)
+def test_questions_go_on_from_what_was_said_and_done(turns, words):
+    outcome = outcome_of(turns, room(FACTS["A"]))
     assert isinstance(outcome, Answer), outcome
     assert all(word in outcome.text.lower() for word in words)
 
 
 @pytest.mark.parametrize(
-    ("sentences", "verbs"),
+    ("turns", "verbs"),
     [
-        (["put the red cube in the drawer", "ok, and now the lever"], ["switch"]),
-        (["stack red on blue", "I wanted it the other way around"], ["pick_and_place", "stack"]),
+        ("put the red cube in the drawer / ok, and now the lever", ["switch"]),
+        ("stack red on blue / I wanted it the other way around", ["pick_and_place", "stack"]),
     ],
 )
-def test_commands_go_on_from_what_was_done(sentences, verbs):
-    outcome, _ = turns(*sentences)
+def test_commands_go_on_from_what_was_done(turns, verbs):
+    outcome = outcome_of(turns, room(FACTS["A"]))
     assert isinstance(outcome, Plan), outcome
     assert [step.verb for step in outcome.steps if step.verb != "lift"] == verbs
 
 
 def test_a_third_cube_is_refused_on_a_tower_of_two():
-    outcome, _ = turns("stack red on blue", "put another one on top")
+    outcome = outcome_of("stack red on blue / put another one on top", room(FACTS["A"]))
     assert isinstance(outcome, Refusal)
     assert "on top of two" in outcome.text
 
