@@ -32,6 +32,7 @@ class Program:
 
 PROGRAMS = {
     "train": Program("train:cli", "train a policy: deixis train robot=panda task=nl_reach"),
+    "warm": Program("deixis.warm:cli", "compile gradient steps before a run needs them: deixis warm algo=sac"),
     "evaluate": Program(
         "evaluate:cli", "success of a policy on fresh episodes: deixis evaluate checkpoint=nl_reach_kuka"
     ),
