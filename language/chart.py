@@ -82,6 +82,8 @@ class NounPhrases:
                 if category == "ordinal" and self._get(edge.end, "every"):
                     continue  # "first all balls" is a step
                 more = _modified(draft.known, category, edge.value)
+                if more and category == "number" and "any" in more and self._lattice.text(draft.at - 1) == "of":
+                    more["number"] = 1  # "one of the two cubes"
                 if more is not None:
                     found.append(_Draft(edge.end, more, draft.cost + edge.cost, draft.skipped))
         for edge in self._get(draft.at, "side"):
@@ -224,6 +226,8 @@ def _item(draft: _Draft, end: int, cost: float, start: int, **fields: Any) -> It
     known = {**draft.known, **fields}
     if known["kind"] in REGIONS:
         known.pop("colors", None)
+    if known.get("number") == 1 and known.get("plural"):  # "one of the cubes", whose "of the" says nothing
+        known = {**known, "number": None, "plural": False, "any": True}
     return Item(
         end, Entity(**known, span=(draft.at if not draft.known else start, end)), draft.cost + cost, draft.skipped
     )

@@ -173,7 +173,7 @@ class Corrections(Replies):
         reading = getattr(done.outcome, "reading", None) if done is not None else None
         if reading is None:
             return None
-        again = further(reading)
+        again = further(_settled_by(done.outcome, reading))
         if little and again.steps[-1].places:
             places = tuple(
                 replace(place, measure=Measure(1.0, "bit")) if place.name == "direction" else place
@@ -286,6 +286,15 @@ class Corrections(Replies):
         side = self._opposite_side(moved.place[0] - refs[0].x, moved.place[1] - refs[0].y)
         place = RelationPhrase(side, places[0].anchors)
         return Reading((Clause(CARRY, pinned(moved.object), (place,)),))
+
+
+def _settled_by(plan: Plan, reading: Reading) -> Reading:
+    """Return the reading of a plan with the thing that it concerns, which may have been asked for after "the cube"."""
+    clause, things = reading.steps[-1], {step.object for step in plan.steps if not step.implied}
+    entity = clause.entity
+    if entity is None or entity.kind != "thing" or entity.any or entity.plural or len(things) != 1:
+        return reading
+    return replace(reading, steps=(*reading.steps[:-1], replace(clause, entity=pinned(*things))))
 
 
 def _other_side(clause: Clause) -> Clause | None:

@@ -131,6 +131,9 @@ class Lattice:
         if self.text(start) == "next" and self.text(start + 1) == "to":  # is no "then"
             found.pop("join", None)
         edges = {category: list(same.values()) for category, same in found.items()}
+        if self.text(start) == "right" and start and self.text(start - 1) in ("on", "at", "from"):
+            # "the cube on the right into the drawer" does not go right into it.
+            edges["relation"] = [edge for edge in edges.get("relation", ()) if edge.value == "right"]
         number = _number(self.tokens[start].text)
         if number is not None:
             edges.setdefault("number", []).append(Edge(start + 1, "number", number, 0.0))

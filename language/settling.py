@@ -31,7 +31,12 @@ _BEGINS = (".", "!", ";", ",", "and", "then", "please")  # a verb may follow
 _NEARBY = ("near", "left", "right", "front", "behind", "under", "opposite", "away")  # relations that always matter
 PLAIN = (*LIMITING, "tell")  # words that no refusal calls unknown
 PERSONS = ("me", "us", "myself", "him", "her", "lady", "them", "someone")
-ONE_AT_A_TIME = (GRIPS_ONE, "holds one thing", "only one thing")  # why several things cannot be together
+ONE_AT_A_TIME = (
+    GRIPS_ONE,
+    "holds one thing",
+    "only one thing",
+    "one cube on another",
+)  # why several cannot be together
 _TELLING = ("nothing", "impossible", "already", "which")  # failures that are reported in preference to another reading
 
 

@@ -74,7 +74,8 @@ class Several(Movers):
             goal = plan.steps[-1].goal if plan.steps and len(things) > 1 else None
             if onto and goal is not None and plan.world.is_loose(goal):
                 if plan.world.flat_only:
-                    plan = replace(plan, failure="only one thing stands on another", reason="impossible", entity=entity)
+                    high = _too_high(len({goal, *things}))
+                    plan = replace(plan, failure=high, reason="impossible", entity=entity)
                 clause = replace(clause, places=tuple(_on(each, index) for each in clause.places))
             if plan.failure:
                 return replace(plan, entity=plan.entity or entity)
@@ -321,8 +322,7 @@ class Several(Movers):
         if isinstance(ordered, Draft):
             return ordered
         if stacks and len(ordered) > 2 and plan.world.flat_only:
-            failure = f"a stack of {len(ordered)} is too high: I put one cube on another, and nothing on top of that"
-            return replace(plan, failure=failure, reason="impossible", entity=entity)
+            return replace(plan, failure=_too_high(len(ordered)), reason="impossible", entity=entity)
         if len(ordered) < 2:
             return replace(
                 plan, failure=f"a {'stack' if stacks else 'row'} needs two things", reason="impossible", entity=entity
@@ -483,6 +483,11 @@ def _side_of(places: Sequence[RelationPhrase]) -> str:
     named = {side for place in places for anchor in place.anchors for side in anchor.sides}
     named |= {place.name for place in places if [anchor.kind for anchor in place.anchors] == ["board"]}
     return next((side for side in ("left", "right") if side in named), "")
+
+
+def _too_high(count: int) -> str:
+    """Return why a tower of so many things is not built."""
+    return f"a stack of {count} is too high: I put one cube on another, and nothing on top of that"
 
 
 def _trouble(plan: Draft) -> tuple[bool, int, float]:

@@ -208,3 +208,33 @@ def test_a_clause_whose_verb_is_unknown_is_not_left_out(sentence):
     outcome = said(sentence)
     assert isinstance(outcome, Refusal)
     assert "zorp" in outcome.text
+
+
+@pytest.mark.parametrize(
+    ("sentence", "things"),
+    [
+        ("put one of the cubes in the drawer", CUBES),
+        ("put a cube on the right into the drawer", ("blue", "orange", "gray")),
+        ("put one of the two cubes on the right in the fridge", ("blue", "orange", "gray")),
+        ("stack one of the cubes on the red cube", CUBES[:4]),
+    ],
+)
+def test_one_of_several_things_is_any_of_those_that_fit(sentence, things):
+    outcome = said(sentence)
+    assert isinstance(outcome, Plan), outcome
+    assert NAMES[outcome.steps[-1].object] in things
+
+
+def test_a_move_is_repeated_with_the_thing_that_was_asked_for():
+    before = outcome_of("move the cube to the left / the yellow one", room(FACTS["A"]))
+    after = outcome_of("move the cube to the left / the yellow one / a bit more", room(FACTS["A"]))
+    yellow = NAMES.index("yellow")
+    assert isinstance(after, Plan), after
+    assert after.result.things[yellow].y > before.result.things[yellow].y
+
+
+@pytest.mark.parametrize("sentence", ["put the blue cube and the gray one on the red one", "stack all cubes"])
+def test_a_tower_of_three_is_refused_as_too_high(sentence):
+    outcome = said(sentence)
+    assert isinstance(outcome, Refusal), outcome
+    assert "is too high" in outcome.text
