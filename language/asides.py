@@ -14,7 +14,7 @@ from language.words import TABLE, phrases
 PHRASE, CLAUSE, WORD = 0.1, 0.5, 0.06  # costs: of a phrase; of a clause, and of each of its words
 MOST_WORDS = 10
 _CONTENT = frozenset(
-    phrases("noun, color, stack, both, every, superlative, side, direction, role, ordinal, held, done, units, cell")
+    phrases("noun, color, stack, both, every, superlative, side, direction, role, ordinal, held, done")
 )
 _WORDS = {name: frozenset(text.split()) for name, text in TABLE["clauses"].items()}
 

@@ -29,6 +29,7 @@ from language.whereabouts import plain_regions
 from language.words import FILLERS, TABLE, names, phrases
 
 LONGEST_SENTENCE, MOST_WORDS = 600, 80  # characters as typed; words
+RULES = Path(__file__).with_name("wordings.yaml")
 REWRITES = 8  # times that one rule may change one sentence
 
 _BULLET = re.compile(
@@ -50,12 +51,10 @@ def normalised(sentence: str) -> list[Token]:
     while found and found[0].text in MARKS:
         del found[0]
     found = _undoubled(_of_program(sentence, _spelled(_trimmed(without_restarts(found)))))
-    found = _unframed(arranged(rewritten(plain_regions(found), wordings()["orders"])))
+    found = _unframed(arranged(rewritten(plain_regions(found), wordings()["early"])))
     found = repaired(rewritten(found, wordings()["repairs"]))
     found = _unframed(without_remarks(ordered(found)))
-    for name in ("misheard", "plain"):
-        found = rewritten(found, wordings()[name])
-    found = repeated(found)
+    found = repeated(rewritten(found, wordings()["plain"]))
     if len(found) > MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     return _trimmed(found)
@@ -71,7 +70,9 @@ def _named() -> frozenset[str]:
 @cache
 def known_words() -> frozenset[str]:
     """Return the words of the tables and of the rules, and the forms of verbs: these are spelled as they are meant."""
-    rules = re.sub(r"\\[a-z]", " ", Path(__file__).with_name("wordings.yaml").read_text("utf-8"))  # not "\b"
+    table = read_yaml(RULES)
+    rules = " ".join((*table.pop("parts").values(), *table.values()))
+    rules = re.sub(r"\\[a-z]|<[A-Z_]+>", " ", rules)  # neither "\b" nor names of parts
     forms = (each[2] for name, verb in KNOWN.items() for phrase in said(verb) for each in inflections(name, phrase))
     return frozenset(re.findall(r"[a-z]+", " ".join([json.dumps(TABLE), rules, *names(), *forms, verb_words()])))
 
@@ -324,9 +325,9 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
 @cache
 def wordings() -> dict[str, tuple[Rule, ...]]:
     """Return the rules of `wordings.yaml`, a tuple for each of its sections but "parts"."""
-    table = read_yaml(Path(__file__).with_name("wordings.yaml"))
-    parts = {**table["parts"], "V": f"(?:{verb_words()})"}
-    for name in ("frames", "orders", "repairs", "misheard", "plain", "forms", "questions"):
+    table = read_yaml(RULES)
+    parts = {**table["parts"], "V": f"(?:{verb_words()})", "COLOR": f"(?:{COLOR})"}
+    for name in ("frames", "early", "repairs", "plain", "forms", "questions"):
         for part in (*parts, *parts):  # parts may name parts
             table[name] = table[name].replace(f"<{part}>", parts[part])
     frames = "\n".join(f"{parts['START']}(?:{line})(?: [,:])?(?= |$) ==> " for line in table["frames"].splitlines())
@@ -334,8 +335,7 @@ def wordings() -> dict[str, tuple[Rule, ...]]:
     asking = "\n".join(f"{pattern} ==> {kind}" for kind, pattern in swapped)
     split = (line.split(" ==> ", 1) for line in table["forms"].splitlines())
     whole = "\n".join(f"^{pattern}$ ==> {plain}" for pattern, plain in split)
-    names = ("orders", "repairs", "misheard", "plain")
-    rules = {"frames": frames, **{name: table[name] for name in names}}
+    rules = {"frames": frames, **{name: table[name] for name in ("early", "repairs", "plain")}}
     found = {name: _rules(lines, ("^", parts["START"])) for name, lines in rules.items()}
     return {**found, "forms": _rules(whole, ()), "questions": _rules(asking, ())}
 
@@ -349,7 +349,7 @@ def _rules(lines: str, anchors: tuple[str, ...]) -> tuple[Rule, ...]:
     """Return the rules of some lines. One whose pattern begins with an anchor is tried where that matches alone."""
     found = []
     for line in lines.splitlines():
-        pattern, _, replacement = re.sub(r"(?<![a-z])the ", "", line).partition(" ==>")
+        pattern, _, replacement = line.partition(" ==>")
         anchor = next((each for each in anchors if pattern.startswith(each)), "")
         found.append(Rule(re.compile(pattern.removeprefix(anchor)), replacement.strip(), anchor))
     return tuple(found)
