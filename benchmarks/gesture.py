@@ -1,9 +1,9 @@
 """Pointing gestures: accuracy of the finger, information in the ray, and cost per step.
 
-    taskset -c 0 python -m benchmarks.gesture pointing --out docs/gesture.json
-    python -m benchmarks.gesture picking --out docs/gesture.json
-    python -m benchmarks.gesture ceiling --out docs/gesture.json
-    taskset -c 0 python -m benchmarks.gesture speed --out docs/gesture.json
+    taskset -c 0 python -m benchmarks.gesture pointing --out gesture.json
+    python -m benchmarks.gesture picking --out gesture.json
+    python -m benchmarks.gesture ceiling --out gesture.json
+    taskset -c 0 python -m benchmarks.gesture speed --out gesture.json
 
 Each command prints a table and, with `--out`, replaces its own section of the JSON file. The same seed gives the same
 scenes and gestures.

@@ -118,21 +118,6 @@ def test_what_is_said_to_be_so_is_made_so(sentence, state, steps):
 
 
 @pytest.mark.parametrize(
-    "sentence",
-    [
-        "the drawer must not be opened",
-        "the drawer can not be opened",
-        "the button should never be pressed",
-        "the red cube is not supposed to be moved",
-    ],
-)
-def test_what_must_not_be_done_is_not_done(sentence):
-    outcome = said(sentence)
-    assert isinstance(outcome, Answer)
-    assert "I do not" in outcome.text
-
-
-@pytest.mark.parametrize(
     ("sentence", "state", "steps"),
     [
         ("fetch the red cube from the drawer and stack it on cyan", "I", ["stack red cyan"]),

@@ -35,6 +35,10 @@ def test_an_embedded_question_is_answered_as_the_direct_one(embedded, direct):
         "hands off the blue cube",
         "the red cube is fine where it is",
         "the blue cube must not be moved",
+        "the drawer must not be opened",
+        "the drawer can not be opened",
+        "the button should never be pressed",
+        "the red cube is not supposed to be moved",
     ],
 )
 def test_what_must_not_be_done_is_not_done(said):

@@ -145,7 +145,14 @@ def test_a_free_spot_beside_a_thing_touches_none():
 
 @pytest.mark.parametrize(
     ("said", "beginning"),
-    [("hello robot", "Hello"), ("good morning", "Hello"), ("bye", "Goodbye"), ("thanks a lot", "You are welcome")],
+    [
+        ("hello robot", "Hello"),
+        ("good morning", "Hello"),
+        ("hey there", "Hello"),
+        ("bye", "Goodbye"),
+        ("thanks a lot", "You are welcome"),
+        ("thanks, bye", "You are welcome. Goodbye"),
+    ],
 )
 def test_greetings_thanks_and_farewells_are_answered_in_kind(said, beginning):
     answer = Dialogue().answer(said, room())
@@ -155,13 +162,6 @@ def test_greetings_thanks_and_farewells_are_answered_in_kind(said, beginning):
 
 def test_what_is_in_front_of_the_robot_is_what_it_sees():
     assert "the yellow cube" in Dialogue().answer("whats in front of you", room()).text
-
-
-@pytest.mark.parametrize(("said", "beginning"), [("hey there", "Hello"), ("thanks, bye", "You are welcome. Goodbye")])
-def test_a_greeting_with_nothing_after_it_and_a_farewell_with_thanks_are_answered(said, beginning):
-    answer = Dialogue().answer(said, room())
-    assert isinstance(answer, Answer)
-    assert answer.text.startswith(beginning)
 
 
 @pytest.mark.parametrize("question", ["your left or mine?", "is that your left or my left?", "left as seen by whom?"])

@@ -9,16 +9,16 @@ from tests.helpers.env_cases import make
 from trainers.evaluation.chains import InstructionChain, run_chains, summarize_chains
 
 KINDS = ("reach", "lift", "open")
+CHAINS = [
+    InstructionChain((0, 1, 2), 3),
+    InstructionChain((1,), 0),
+    InstructionChain((0, 2), 1),
+    InstructionChain((2, 0, 1), 2),
+]
 
 
 def test_shares_count_the_instructions_that_were_carried_out_in_a_row():
-    chains = [
-        InstructionChain((0, 1, 2), 3),
-        InstructionChain((1,), 0),
-        InstructionChain((0, 2), 1),
-        InstructionChain((2, 0, 1), 2),
-    ]
-    result = summarize_chains(chains, 3, KINDS)
+    result = summarize_chains(CHAINS, 3, KINDS)
     assert result["chains"] == 4
     assert result["mean_length"] == pytest.approx(1.5)
     assert result["reached"] == [0.75, 0.5, 0.25]
@@ -31,13 +31,7 @@ def test_shares_count_the_instructions_that_were_carried_out_in_a_row():
 
 
 def test_success_is_told_by_task_and_by_transition_the_worst_first():
-    chains = [
-        InstructionChain((0, 1, 2), 3),
-        InstructionChain((1,), 0),
-        InstructionChain((0, 2), 1),
-        InstructionChain((2, 0, 1), 2),
-    ]
-    result = summarize_chains(chains, 3, KINDS)
+    result = summarize_chains(CHAINS, 3, KINDS)
     tasks = {name: (row["tried"], row["success"]) for name, row in result["by_task"].items()}
     assert tasks == {"reach": (3, 1.0), "lift": (3, pytest.approx(1 / 3)), "open": (3, pytest.approx(2 / 3))}
     assert list(tasks) == ["lift", "open", "reach"]
