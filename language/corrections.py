@@ -170,10 +170,10 @@ class Corrections(Replies):
     def _again(self, sentence: str, number: int, little: bool = False) -> Outcome | None:
         """Return the last plan once more, or several times. little: a move to a side only by a bit."""
         done = self.done()
-        reading = getattr(done.outcome, "reading", None) if done is not None else None
-        if reading is None:
+        plan = done.outcome if done is not None else None
+        if not isinstance(plan, Plan) or plan.reading is None:
             return None
-        again = further(_settled_by(done.outcome, reading))
+        again = further(_settled_by(plan, plan.reading))
         if little and again.steps[-1].places:
             places = tuple(
                 replace(place, measure=Measure(1.0, "bit")) if place.name == "direction" else place

@@ -52,7 +52,7 @@ def test_what_was_refused_is_asked_about():
     "wish", ["I want the red one", "I'd go for the red one", "use red for that", "red would be good"]
 )
 def test_a_wish_answers_a_question(wish):
-    outcome = outcome_of(f"touch one of the cubes / {wish}")
+    outcome = outcome_of(f"touch the cube / {wish}")
     assert isinstance(outcome, Plan)
     assert [(step.verb, step.object) for step in outcome.steps] == [("reach", RED)]
 

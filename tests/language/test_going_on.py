@@ -115,7 +115,7 @@ def test_what_is_left_open_or_put_down_is_not_taken_back():
         ("put red next to yellow / good. which one is it next to now?", ["yellow"]),
         ("put red on yellow / how many are still standing on their own?", ["one (1): the blue cube"]),
         ("put red on yellow / which cubes have nothing on top and nothing under them?", ["blue cube"]),
-        ("give me one of the cubes / which ones do you have?", ["yellow", "blue", "red"]),
+        ("give me the cube / which ones do you have?", ["yellow", "blue", "red"]),
     ],
 )
 def test_questions_of_a_conversation_are_answered(turns, names):
