@@ -9,8 +9,9 @@
     python play.py study=study.yaml                     # a study with participants: docs/study.md
     python play.py task=nl_reach arm=sim arm.latency=0.06   # an arm in place of the simulated one: docs/deployment.md
 
-Keys: task, robot, control, workspace, objects, driver (policy, expert, hand) and checkpoint; or scene, a prepared scene
-(sort, point, drawer, which, tower) or the end of a copied link, which chooses all of them. Any other key=value
+Keys: task, robot, control, workspace, objects, driver (policy, expert, hand), second_try (true or false: whether the
+expert tries once more what the policy did not manage) and checkpoint; or scene, a prepared scene (sort, point, drawer,
+which, tower) or the end of a copied link, which chooses all of them. Any other key=value
 overrides the environment's config, as in train.py. The page requires pip install -e ".[play]".
 """
 
@@ -36,7 +37,7 @@ from core.program import help_text, program
 if TYPE_CHECKING:
     from demo.session import Session
 
-SESSION_KEYS = ("scene", "task", "robot", "control", "workspace", "objects", "driver", "checkpoint")
+SESSION_KEYS = ("scene", "task", "robot", "control", "workspace", "objects", "driver", "second_try", "checkpoint")
 TASK_KEYS = {"task", "control", "workspace", "objects", "checkpoint"}  # whoever gives one has chosen a task
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi")
 MAX_VIDEO_STEPS = 2400  # control steps: two minutes

@@ -45,7 +45,10 @@ class ArmChoice:
 
 
 def split_arm(words: Sequence[str]) -> tuple[ArmChoice | None, list[str]]:
-    """Return the arm that words choose, None for none, and the other words. Raises ConfigError."""
+    """Return the arm that words choose, None for none, and the other words. Raises ConfigError.
+
+    Without an arm, scene=... is one of the other words: of the page, it is a prepared scene.
+    """
     own: dict[str, str] = {}
     others = []
     for word in words:
@@ -59,6 +62,7 @@ def split_arm(words: Sequence[str]) -> tuple[ArmChoice | None, list[str]]:
         else:
             own[key] = value
     if "arm" not in own:
+        others += [f"scene={own.pop('scene')}"] if "scene" in own else []
         if own:
             raise ConfigError(f"{next(iter(own))} needs an arm: arm={' or arm='.join(ARMS)}")
         return None, others

@@ -1,10 +1,13 @@
 """The command play.py: the video, the page, and errors of one line."""
 
+import re
+import shlex
 import signal
 import socket
 import subprocess
 import sys
 import urllib.request
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -32,6 +35,33 @@ def test_headless_writes_a_video_of_a_pretrained_policy(tmp_path, capsys):
     frames = imageio.mimread(video, memtest=False)
     assert len(frames) > 15
     assert (frames[0] != frames[-1]).any()
+
+
+VIDEOS = re.findall(r"^python play.py (--headless .*)$", (ROOT / "docs" / "play.md").read_text("utf-8"), re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", VIDEOS)
+def test_the_videos_of_the_docs_are_written(line, tmp_path, capsys):
+    words = shlex.split(line)
+    words[1] = str(tmp_path / "said.mp4")
+    play.main(words)
+    assert "Done in" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "robot"), [(["scene=drawer"], "kuka"), (["robot=panda", "second_try=false"], "panda")]
+)
+def test_a_session_is_what_the_words_choose(words, robot):
+    with closing(play.make_session(play.parser().parse_args(words))) as session:
+        assert session.config.robot == robot
+        assert session.config.second_try == ("second_try=false" not in words)
+
+
+def test_a_scene_that_is_not_known_is_refused_before_an_arm_is_asked_for():
+    with pytest.raises(ConfigError, match=r"scene=drawe .*did you mean 'drawer'"):
+        play.make_session(play.parser().parse_args(["scene=drawe"]))
 
 
 @pytest.mark.slow
