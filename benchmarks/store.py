@@ -29,6 +29,7 @@ from core.schema import Checked, checked_by, read, text, within, word
 MAX_BYTES = 2 * 2**20  # of a result or a list of rows
 CODE = (".py", ".yaml", ".safetensors", ".npz", ".html", ".js")  # suffixes of files that a run may depend on
 SHORT = 12  # digits of a hash
+OF_SWEEPS = ("trainers/sweeps/sweep.py",)  # Hydra loads this callback, which acts in sweeps alone; rows are single runs
 
 
 def machine() -> dict[str, Any]:
@@ -227,7 +228,7 @@ class RowBook:
             return []
         lines = _read(read_text, self.store / "code" / f"{result['code']}.txt").splitlines()
         then = dict(reversed(line.split(" ", 1)) for line in lines)
-        changes = [path for path, digest in then.items() if self._hash(path) != digest]
+        changes = [path for path, digest in then.items() if self._hash(path) != digest and path not in OF_SWEEPS]
         return changes + ["its commands"] * (result["commands"] != self.commands(row, seed))
 
     def hashes(self, paths: set[str]) -> dict[str, str]:

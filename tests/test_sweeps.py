@@ -140,6 +140,34 @@ def shorten(run: Path, frames: int) -> None:
     torch.save(saved, path)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_ctrl_c_saves_a_job_that_is_alone(jobs, tmp_path):
+    """A worker of joblib that has no job must not end: joblib kills all the others then."""
+    folder = tmp_path / "sweep"
+    process = start("-m", f"total_frames={LONG}", f"sweep.jobs={jobs}", *TINY, f"hydra.sweep.dir={folder}")
+    wait_for(lambda: list(folder.glob("0_*/checkpoints/last.pt")), process)
+    os.killpg(process.pid, signal.SIGINT)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    assert f"sweep.resume={folder}" in said
+    assert not list(job(folder, 0).glob("error.txt"))
+    assert {file.name for file in folder.iterdir() if file.is_file()} <= {"sweep.yaml", "multirun.yaml", ".lock"}
+
+
+@pytest.mark.slow
+def test_ctrl_c_at_the_start_of_a_sweep_begins_no_job(tmp_path):
+    folder = tmp_path / "sweep"
+    process = start("-m", f"total_frames={LONG}", "seed=0,1", *TINY, f"hydra.sweep.dir={folder}")
+    assert process.stdout.readline() == f"sweep in {folder}\n"
+    os.killpg(process.pid, signal.SIGINT)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    assert not list(folder.glob("*/checkpoints"))
+
+
 def test_jobs_end_when_the_sweep_is_killed(tmp_path):
     process = start("-m", "seed=0,1", f"total_frames={LONG}", *TINY, f"hydra.sweep.dir={tmp_path}")
     try:

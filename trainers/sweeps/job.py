@@ -21,6 +21,7 @@ from core.system import cores, signal_at_parent_death
 from trainers.config import most_workers, read_collector
 from trainers.sweeps.arguments import NON_JOB_PREFIXES
 from trainers.sweeps.runs import read_overrides, read_result
+from trainers.sweeps.sweep import PID, STOPPED, SweepCallback
 from trainers.utils.files import write_checked_json, write_text
 
 ENVIRONMENT = {"PYTHONUNBUFFERED": "1", "HYDRA_FULL_ERROR": "1"}
@@ -36,9 +37,15 @@ class JobWorker:
         self.job: subprocess.Popen[str] | None = None
 
     def handle_signals(self) -> None:
-        """Stop this worker and its job on SIGINT, on SIGTERM, and (on Linux) when the sweep's main process dies."""
+        """Stop this worker and its job on SIGINT, on SIGTERM, and (on Linux) when the sweep's main process dies.
+
+        With sweep.jobs=1 that process runs the jobs itself, and stops them itself.
+        """
+        if SweepCallback.handles:
+            return
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))  # the sweep blocks them
         signal_at_parent_death(signal.SIGTERM)
 
     def _stop(self, number: int, _frame: object) -> None:
@@ -75,11 +82,14 @@ class JobWorker:
                 env={**os.environ, **ENVIRONMENT},
             )
         self.job = job
-        if self.signal:  # received before the job existed
+        place = errors.parent
+        (place / PID).write_text(str(job.pid))
+        if self.signal or is_stopped(place):  # received before the job existed
             job.terminate()
         for line in job.stdout or ():
             print(f"[{name}] {line}", end="", flush=True)
         code = job.wait()
+        (place / PID).unlink(missing_ok=True)
         self.job, self.busy = None, False
         return code
 
@@ -105,16 +115,21 @@ def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder:
         folder.rmdir()
     if has_finished(place):
         return
-    if WORKER.signal:
+    if WORKER.signal or is_stopped(place):
         return WORKER.exit_if_orphaned()
     begin_job(place, own)
     errors = place / ".stderr"
     errors.unlink(missing_ok=True)  # created new below
     code = WORKER.run(job_command(program, config, own, place, share), errors, place.name)
-    if code and not WORKER.signal:
+    if code and not WORKER.signal and not is_stopped(place):
         record_failure(place, failure_message(code, errors.read_text(errors="replace")))
     errors.unlink()
     WORKER.exit_if_orphaned()
+
+
+def is_stopped(place: Path) -> bool:
+    """Return whether the sweep of a job ends early. place: the job's folder."""
+    return (place.parent / STOPPED).exists()
 
 
 def job_overrides(overrides: Sequence[str]) -> list[str]:

@@ -7,17 +7,22 @@ that crashes or is killed leaves its error message, and the other jobs continue.
     <sweep dir>/sweep.yaml       each start of the sweep: time, overrides, machine
     <sweep dir>/<job>/job.json   the overrides of this job
     <sweep dir>/<job>/error.txt  why the job failed, if it did
+    <sweep dir>/.stopped         while the sweep ends early: no further job begins
+    <sweep dir>/<job>/.pid       the process of a job that runs
 """
 
 from __future__ import annotations
 
-import multiprocessing
+import os
 import shlex
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -32,19 +37,23 @@ from trainers.sweeps.arguments import register_resolvers
 from trainers.sweeps.runs import RunRecord, add_start, distinct_overrides, find_runs, share_cell
 
 HEADER = ("run", "success", "ci95", "wrong object", "disturbed", "frames", "seconds")
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+STOPPED, PID = ".stopped", ".pid"  # files of a sweep that ends, and of a job that runs
 REPEAT_SECONDS = 2.0  # a terminal signals the process and its group: two signals within this time are one request
 
 
 class SweepCallback(Callback):
     """Hydra's callback for the start and the end of a multirun, in the main process. Copies in workers do nothing.
 
-    received: the latest signal to this process, for launchers; 0 before it.
+    received: the latest signal to this process, for launchers; 0 before it. handles: whether this process is that of a
+    sweep, whose signals are handled here.
     """
 
-    received = 0
+    received, handles = 0, False
 
     def __init__(self) -> None:
         self.signal, self.signal_time = 0, 0.0
+        self.folder: Path | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {"signal": 0}
@@ -61,9 +70,20 @@ class SweepCallback(Callback):
             self._begin(config, folder)
         except ConfigError as error:
             sys.exit(f"error: {error}")
-        for number in (signal.SIGINT, signal.SIGTERM):
+        SweepCallback.handles = True
+        for number in SIGNALS:
             signal.signal(number, self._stop)
+        if config.hydra.runtime.choices["hydra/launcher"] == "local":
+            # The workers of joblib inherit this. One that has no job would die of a signal, and joblib would kill the
+            # others, and their jobs, for that.
+            resource_tracker.ensure_running()  # later, its start would let the signals through again
+            signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+            threading.Thread(target=self._wait_for_signals, daemon=True).start()
         print(f"sweep in {folder}", flush=True)
+
+    def _wait_for_signals(self) -> None:
+        while True:
+            self._stop(signal.sigwait(SIGNALS), None)
 
     def _begin(self, config: Any, folder: Path) -> None:
         read(SweepConfig, config.sweep, "sweep")
@@ -71,22 +91,33 @@ class SweepCallback(Callback):
         if any(word.startswith("resume=") for word in overrides):
             raise ConfigError("resume=<run dir> resumes a single run; a sweep is resumed with sweep.resume=<sweep dir>")
         self.lock = FolderLock(folder, "sweep").__enter__()  # held until this process ends
+        self.folder = folder
+        for left in (folder / STOPPED, *folder.glob(f"*/{PID}")):  # of a sweep that was killed
+            left.unlink(missing_ok=True)
         add_start(folder, overrides)
 
     def _stop(self, number: int, _frame: object) -> None:
-        """Terminate the workers, which stop their jobs, which save a checkpoint. A later second signal ends at once."""
+        """Let no further job begin, and stop those that run, which save a checkpoint.
+
+        A later second signal ends this process at once.
+        """
         if self.signal and time.monotonic() - self.signal_time > REPEAT_SECONDS:
-            raise KeyboardInterrupt
+            os._exit(128 + number)
         self.signal, self.signal_time = number, self.signal_time or time.monotonic()
         SweepCallback.received = number
-        for worker in multiprocessing.active_children():
-            worker.terminate()
+        assert self.folder is not None
+        (self.folder / STOPPED).touch()
+        for file in self.folder.glob(f"*/{PID}"):
+            with suppress(OSError, ValueError):  # it has ended meanwhile
+                os.kill(int(file.read_text()), signal.SIGTERM)
 
     def on_multirun_end(self, config: Any, **_: Any) -> None:
         """Print the table, write the report, and exit with an error unless every run has finished."""
         folder = Path(config.hydra.sweep.dir)
+        (folder / STOPPED).unlink(missing_ok=True)
+        began = any(folder.glob("*/config.yaml"))
         try:
-            finished = summarize(folder)
+            finished = summarize(folder) if began or not self.signal else False
         except ConfigError as error:
             sys.exit(f"error: {error}")
         except Exception:  # Hydra would print a warning and exit with status 0
