@@ -11,7 +11,7 @@ from language.referents import thing_ref
 from language.scanning import THING
 from language.self_answers import SelfAnswers
 from language.several import towers_of
-from language.spots import extent, middle_of
+from language.spots import extent, half_of, middle_of
 from language.talk import sides_of
 
 _LARGER = {
@@ -79,6 +79,14 @@ class Comparisons(SelfAnswers):
             return None
         across = side[1] or side[2]
         return Predicate(lambda i: sides_of(world, i)[0] == across if world.is_on_ground(i) else None, "place")
+
+    def in_half(self, text: str, things: list[int]) -> list[int] | None:
+        """Return those of some things that are in the half of the table that words end with; None for other words."""
+        side = re.search(r"\b(?:on|at|to|in) (left|right)(?: hand)?(?: side| half| part)?(?: of table)?(?: now)?$", text)
+        if side is None or self.world.cells:
+            return None
+        standing = [i for i in things if self.world.is_on_ground(i)]
+        return [i for i in standing if half_of(self.world, [self.world.things[i]], (side[1],))]
 
     def nearer(self, match: re.Match[str]) -> str | None:
         """Say which of two a thing is nearer to, or farther from."""

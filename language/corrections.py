@@ -70,6 +70,7 @@ _OTHER_SIDE = re.compile(  # of what it was put next to
     r"(?:(?:put|move|place|set|take|bring|shift|have) (?:it|that|that one|this) )?(?:back |over )*(?:on|to|at|onto)"
     r" (?:its )?(?:other|opposite) side(?: of (?:it|that|that one))?(?: instead| please| rather| then| now)*"
 )
+_ONE_MORE = re.compile(r"\bone more\b(?! time)", re.IGNORECASE)
 _UNSEEN = re.compile(
     r"(?:(?:sorry|but|oh|,) )*(?:i|we) (?:can not|could not|do not|did not)(?: really| even| quite)?"
     r" (?:find|see|spot|locate|notice|catch|watch|make out|follow)(?: (?P<what>.+?))?"
@@ -173,6 +174,9 @@ class Corrections(Replies):
         plan = done.outcome if done is not None else None
         if not isinstance(plan, Plan) or plan.reading is None:
             return None
+        places = plan.reading.steps[-1].places
+        if _ONE_MORE.search(sentence) and places and not any(each.measure for each in places):
+            return self._command("another one", ())
         again = further(_settled_by(plan, plan.reading))
         if little and again.steps[-1].places:
             places = tuple(

@@ -487,7 +487,8 @@ class Questions(Alternatives):
         entity, fits = (None, []) if found else self.refs(text)
         if found is None and (entity is None or Lattice(scan(text)).unknown):
             return None
-        things = [i for i in found[0] if found[1].holds(i)] if found else fits
+        halved = self.in_half(text, found[0]) if found else None
+        things = [i for i in found[0] if found[1].holds(i)] if found and halved is None else halved or fits
         if bare:
             things = [i for i in things if self.world.is_loose(i)] or things
         over = re.fullmatch(

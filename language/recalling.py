@@ -19,7 +19,7 @@ from language.memory import Memory
 from language.ordering import TIMES
 from language.outcomes import Answer, Plan, Step
 from language.referents import Ref
-from language.scanning import COLOR, scan, text_of
+from language.scanning import COLOR, scan, text_of, verb_words
 from language.talk import listed, name, phrase
 from language.verbs import KNOWN, Act
 from language.words import colors
@@ -54,6 +54,10 @@ _STOOD = re.compile(
     r"|(?P<owner>\w+(?: \w+)?) 's (?:old|former|previous|original|first) (?:place|spot|position))\b(?! \w+ed\b)"
 )
 _WAS = r"(?:was|were|stood|sat|lay|had been|used to be)(?: standing| sitting| lying)?"
+_SHARE = re.compile(  # some of those that were spoken of
+    r"(?:\b(?:any|just|only) )*\b(?:(?P<number>one|two|three) of (?:them|those|these)"
+    r"|(?:those|these) (?P<both>two|three)(?: ones| cubes| blocks| things)?)\b"
+)
 _BASE = re.compile(  # what a thing stood on
     r"\b(?:one|cube|block|thing) (?:that |which )?"
     rf"(?:{_WAS} (?:under|beneath|underneath|below) (?P<over>it|that|this|\w+(?: \w+)?)"
@@ -94,7 +98,7 @@ class Recollections(Memory):
         places: list[tuple[int, Gesture]] = []
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
-        for find in (self._by_name, self._by_deed, self._by_order, self._by_base, self._by_stand):
+        for find in (self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
                 first, last = (match.string[:end].count(" ") for end in (match.start(), match.end() - 1))
@@ -214,6 +218,18 @@ class Recollections(Memory):
         """Return the things with which the same was done as with the last one, in the order in which that was."""
         steps = self._steps()
         return list(dict.fromkeys(step.object for step in steps if is_done(step, frozenset([steps[-1].act]))))
+
+    def _by_share(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "two of them", where more were spoken of, and "those two cubes", which were spoken of last."""
+        text = text_of(scan(sentence))
+        for match in _SHARE.finditer(text):
+            if not re.search(rf"\b(?:{verb_words()})(?: me| us| up| out| down)? $", text[: match.start()]):
+                continue
+            number = TIMES.get(match["number"] or match["both"], 1)
+            spoken = [i for i in (self.it if match["number"] else self.planner().recent) if self.now.is_loose(i)]
+            spoken = [i for i in dict.fromkeys(spoken) if not self.now.things[i].target]
+            if len(spoken) >= number + bool(match["number"]):
+                yield match, listed([name(self.now, i) for i in spoken[:number]])
 
     def _by_base(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "the one that was under it", if the thing was taken off another one."""

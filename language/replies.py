@@ -426,12 +426,12 @@ class Replies(Recollections):
         several = (entity.kind == "it" and entity.plural) or (
             entity.every and not entity.colors and entity.noun is None
         )
-        if several and self.last is not None:
-            parts = tuple(pinned(i) for i in asked.candidates)
-            return self._tried(
-                sentence, revised(self.last, Reading((Clause(None, Entity("list", parts=parts)),))), found
-            )
-        named = self._meant(planner, entity, asked.candidates)
+        named = list(asked.candidates) if several else self._meant(planner, entity, asked.candidates)
+        left_open = self.last.steps[-1].entity if self.last is not None else None
+        counted = entity.kind == "list" and left_open is not None and left_open.number == len(named)
+        if self.last is not None and (several or counted):
+            every = Entity("list", parts=tuple(pinned(i) for i in named))
+            return self._tried(sentence, revised(self.last, Reading((Clause(None, every),))), found)
         if entity.any and not named:
             named = list(asked.candidates)
         chosen = [

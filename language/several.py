@@ -356,7 +356,9 @@ class Several(Movers):
         name = "near" if place.name in ONTO else place.name  # "touch each other", "to each other"
         for cost, (index, other) in enumerate((things, things[::-1])):
             anchors = tuple(pinned(other) if a.kind == "mutual" else a for a in place.anchors)
-            done = self._placed_once(plan, index, (replace(place, name=name, anchors=anchors), *places))
+            out = entity.kind == "list" and other in plan.world.inside
+            start = self._placed_once(plan, other, ON_TABLE) if out else plan
+            done = self._placed_once(start, index, (replace(place, name=name, anchors=anchors), *places))
             yield replace(done, cost=done.cost + costs.ANOTHER_OBJECT * cost, it=tuple(things), topic=None)
 
     def _joined_to(self, plan: Draft, clause: Clause, place: RelationPhrase) -> Draft:

@@ -412,13 +412,15 @@ class Steps:
             failure = f"{full} are full" if full else "there is nothing here to put it into"
             yield replace(plan, failure=failure, reason="impossible", entity=clause.entity)
             return
-        box = plan.box if plan.box in free else min(free, key=lambda each: each not in plan.world.open)
-        place = RelationPhrase("in", (Entity(noun=plan.world.things[box].kind, pointed=Gesture((box,))),))
-        yield from self._placed(plan, clause, index, (place,))
+        boxes = [box for box in free if box in plan.world.open] or free[:1]
+        for box in (plan.box,) if plan.box in free else boxes:
+            place = RelationPhrase("in", (Entity(noun=plan.world.things[box].kind, pointed=Gesture((box,))),))
+            yield from self._placed(plan, clause, index, (place,))
 
     def _tower(self, plan: Draft) -> int | None:
         """Return what was put on another thing last, in this sentence or before it; None if that was put elsewhere."""
-        before = [i for i in self.carried[:1] if not plan.steps and plan.world.below[i] is not None]
+        flat = not any(below is not None for below in plan.world.below)  # then "on top" is on what was put down last
+        before = [i for i in self.carried[:1] if not plan.steps and (flat or plan.world.below[i] is not None)]
         return next(iter(before), stacked_last(plan)) if not plan.world.cells else stacked_last(plan)
 
     def _placed(self, plan: Draft, clause: Clause, index: int, places: tuple[RelationPhrase, ...]) -> Iterator[Draft]:

@@ -4,10 +4,11 @@ import math
 
 import pytest
 
-from language import Answer, Dialogue, Plan, Refusal, Signal
+from language import Answer, Dialogue, Plan, Question, Refusal, Signal
 from tests.helpers.room_cases import outcome_of
 from tests.helpers.sets_room import FACTS, NAMES, done, room, said
 
+TAKES = ("lift", "grasp", "take_out")
 CUBES = ("yellow", "blue", "orange", "cyan", "red", "gray")
 
 
@@ -238,3 +239,50 @@ def test_a_tower_of_three_is_refused_as_too_high(sentence):
     outcome = said(sentence)
     assert isinstance(outcome, Refusal), outcome
     assert "is too high" in outcome.text
+
+
+@pytest.mark.parametrize(
+    ("turns", "state", "steps"),
+    [
+        ("which cubes are on the right? / give me one of them", "A", ["hand_over blue"]),
+        (
+            "touch red and blue / put those two cubes on the left side",
+            "A",
+            ["pick_and_place blue", "pick_and_place red"],
+        ),
+        ("put two cubes on the left / the red and the gray one", "A", ["pick_and_place red", "pick_and_place gray"]),
+        ("put the blue and the gray cube on the left", "A", ["pick_and_place blue", "pick_and_place gray"]),
+        ("make a second tower with orange and blue", "A", ["stack blue"]),
+        ("pick up cyan / put it to the see-through cube / now the red one on top", "A", ["stack red"]),
+        (
+            "swap the cube in the drawer and the one in the fridge",
+            "I",
+            ["pick_and_place red", "put_in yellow", "put_in red"],
+        ),
+    ],
+)
+def test_some_of_what_was_spoken_of_is_meant(turns, state, steps):
+    outcome = outcome_of(turns, room(FACTS[state]))
+    assert isinstance(outcome, Plan), outcome
+    assert [f"{step.verb} {NAMES[step.object]}" for step in outcome.steps if step.verb not in TAKES] == steps
+
+
+def test_a_cube_goes_in_there_only_if_one_container_is_meant():
+    outcome = said("put the blue cube in there", "BF")
+    assert isinstance(outcome, Question)
+    assert len(outcome.choices) == 2
+
+
+def test_things_of_two_containers_are_put_next_to_each_other():
+    world = said("put the red and the yellow cube next to each other on the table", "I").result
+    assert apart(world, "red", "yellow") < 0.1
+
+
+def test_one_more_is_another_thing_where_something_was_put_and_a_repetition_elsewhere():
+    assert isinstance(outcome_of("put the gray cube on the left side / one more", room(FACTS["A"])), Question)
+    again = outcome_of("touch the gray cube / one more", room(FACTS["A"]))
+    assert [NAMES[step.object] for step in again.steps] == ["gray"]
+
+
+def test_cubes_on_one_side_are_counted_as_they_are_chosen():
+    assert "three (3)" in said("how many cubes are on the right side now").text
