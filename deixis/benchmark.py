@@ -117,8 +117,12 @@ def evaluate(
         UseError: for actions of another form.
     """
     rows, results = _chosen(suite, parts, audits), []
-    if not 1 <= len(seeds) <= episodes or worlds < 2:
-        raise ConfigError(f"episodes={episodes} must be one for each of seeds={list(seeds)}, and worlds={worlds} 2")
+    if not 1 <= len(seeds) <= episodes:
+        raise ConfigError(f"episodes={episodes} must be at least one for each of seeds={list(seeds)}")
+    if worlds < 2:
+        raise ConfigError(f"worlds={worlds} must be at least 2")
+    if isinstance(policy, str):
+        raise ConfigError(f"policy={policy!r} is a name: give deixis.load_policy({policy!r})")
     for row in rows:
         actor = policy.get(row.part) if isinstance(policy, Mapping) else policy
         if actor is None:
@@ -137,6 +141,8 @@ def _chosen(suite: str, parts: Sequence[str], audits: bool) -> list[BenchmarkRow
     for part in parts:
         if part not in PARTS:
             raise ConfigError(f"parts={list(parts)} has {part!r}" + did_you_mean(part, PARTS))
+    if not parts:
+        raise ConfigError(f"parts=[] has no part: give some of {list(PARTS)}")
     rows = [row for row in SUITES[suite] if row.part in parts]
     return rows + [row for part in parts for row in audit_rows(part)] * audits
 

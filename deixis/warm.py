@@ -14,6 +14,7 @@ import io
 import os
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -36,10 +37,10 @@ def main(words: Sequence[str]) -> int:
         ConfigError: the words are not those of a run that compiles gradient steps.
         RunError: nothing could be compiled.
     """
-    from train import run
     from trainers.algorithms.compiled import choose_cache
     from trainers.config import read_training
 
+    run = import_module("train").run  # a program, by its name, as in `deixis.cli`
     training = read_training(compose(words))
     short = shortened(training)
     choose_cache()

@@ -82,7 +82,9 @@ class Comparisons(SelfAnswers):
 
     def in_half(self, text: str, things: list[int]) -> list[int] | None:
         """Return those of some things that are in the half of the table that words end with; None for other words."""
-        side = re.search(r"\b(?:on|at|to|in) (left|right)(?: hand)?(?: side| half| part)?(?: of table)?(?: now)?$", text)
+        side = re.search(
+            r"\b(?:on|at|to|in) (left|right)(?: hand)?(?: side| half| part)?(?: of table)?(?: now)?$", text
+        )
         if side is None or self.world.cells:
             return None
         standing = [i for i in things if self.world.is_on_ground(i)]

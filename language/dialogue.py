@@ -29,12 +29,11 @@ from language.acts import (
 )
 from language.conditions import Conditions
 from language.errors import NotUnderstood
-from language.later import later_time
 from language.lattice import vocabulary
 from language.meanings import Gesture, Pointed, Reading, gestures
 from language.normalise import LONGEST_SENTENCE, normalised
 from language.objects import Scene
-from language.ordering import asked_deed, times
+from language.ordering import asked_deed, later_time, times
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.questions import Questions

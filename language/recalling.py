@@ -12,11 +12,10 @@ from typing import NamedTuple
 
 from language.acts import act_of, question
 from language.errors import NotUnderstood
-from language.later import later_time
 from language.lattice import Lattice, vocabulary
 from language.meanings import Entity, Gesture
 from language.memory import Memory
-from language.ordering import TIMES
+from language.ordering import TIMES, later_time
 from language.outcomes import Answer, Plan, Step
 from language.referents import Ref
 from language.scanning import COLOR, scan, text_of, verb_words

@@ -2,7 +2,7 @@
 
     deixis study export study.sqlite              into the folder study-data beside it
     deixis study export study.sqlite out=<folder>
-    deixis study check study.yaml                 whether a study file is right
+    deixis study check study.yaml                 whether a study file is right, and its goals can be reached
     deixis study dictionary                       the data dictionary, as Markdown
 
 A server may be writing the database meanwhile: the export has what was committed when it began.
@@ -132,12 +132,17 @@ def main(words: Sequence[str]) -> None:
 def _check(words: Sequence[str]) -> None:
     from demo.study.orders import stages
     from demo.study.study_config import check_policies, read_study
+    from demo.study.trial_host import prepare_study
+    from trainers.collect import fork_server
 
     if len(words) != 1:
         raise ConfigError("deixis study check needs one study file: deixis study check study.yaml")
     study = read_study(Path(words[0]))
     try:
         check_policies(study)
+        if any(scene.goal for scene in study.scenes.values()):
+            print("One moment: the scripted expert brings about the goals.", flush=True)
+            prepare_study(study, fork_server.start(["demo.study.trial_process"]))
     except ConfigError as error:
         raise ConfigError(f"study={words[0]}: {error}") from None
     trials = sum(stage.kind == "trial" for stage in stages(study, 0))

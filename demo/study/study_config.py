@@ -182,9 +182,9 @@ def check_policies(study: StudyConfig) -> None:
     for name, condition in study.conditions.items():
         for scene_name, scene in study.scenes.items():
             key, traits = f"conditions.{name}", TASKS[scene.task].traits
-            if condition.input == "finger" and (traits.places or traits.stacks or traits.continues):
+            if condition.input == "finger" and traits.moves:
                 raise ConfigError(
-                    f"{key}.input=finger does not go with scenes.{scene_name}.task={scene.task}, which needs words; "
+                    f"{key}.input=finger does not go with scenes.{scene_name}.task={scene.task}: that is said; "
                     "choose a task that reaches, such as nl_reach, or input=both"
                 )
             if condition.driver == "policy" and condition.policy is None:

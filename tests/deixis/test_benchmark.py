@@ -75,10 +75,14 @@ def test_what_is_wrong_is_said():
     for settings, text in (
         ({"suite": "deixis-15"}, "did you mean 'deixis-14'"),
         ({"parts": ["verb"]}, "did you mean 'verbs'"),
-        ({"episodes": 2, "seeds": [0, 1, 2]}, "episodes=2"),
+        ({"episodes": 2, "seeds": [0, 1, 2]}, "episodes=2 must be at least one for each"),
+        ({"worlds": 1}, "worlds=1 must be at least 2"),
+        ({"parts": []}, "has no part"),
     ):
         with pytest.raises(ConfigError, match=text):
             deixis.evaluate(Still(), **settings)
+    with pytest.raises(ConfigError, match=r"give deixis.load_policy\('nl_reach_kuka'\)"):
+        deixis.evaluate("nl_reach_kuka", **FEW)
     with pytest.raises(ConfigError, match="none for the part 'words'"):
         deixis.evaluate({}, **FEW)
     with pytest.raises(UseError, match="must be callable"):

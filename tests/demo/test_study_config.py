@@ -50,6 +50,8 @@ UNFIT = [
     ({"robot": "kuca"}, "robot=kuca is not known; did you mean 'kuka'"),
     ({"scenes": {"one": {"task": "nl_rech", "text": "x"}}}, "scenes.one.*nl_rech"),
     ({"scenes": ROOM, "conditions": {"a": {"input": "finger"}}}, "a.input=finger does not go with scenes.one.task"),
+    ({"scenes": {"one": {"task": "nl_pick_and_place", "text": "x"}}, "conditions": {"a": {"input": "finger"}}},
+     "a.input=finger does not go with scenes.one.task"),
     ({"conditions": {"a": {}}, "robot": "ur5"}, "finds no pretrained policy for scenes.one.task"),
     ({"conditions": {"a": {"policy": "nl_reach_panda"}}}, "nl_reach_panda"),
     ({"conditions": {"a": {"policy": "nowhere"}}}, "conditions.a: .*nowhere"),

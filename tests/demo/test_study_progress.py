@@ -256,6 +256,14 @@ def test_the_page_of_docs_names_everything_in_the_data_dictionary():
         assert f"| `{table}.csv` | {', '.join(f'`{column}`' for column in columns)}" in text.replace(" (JSON)", "")
 
 
+@pytest.mark.slow
+def test_a_goal_that_cannot_be_brought_about_is_found_before_the_study(tmp_path):
+    text, file = (ROOT / "docs/examples/study.yaml").read_text("utf-8"), tmp_path / "study.yaml"
+    file.write_text(text.replace("goal: reach the gray cube", "goal: flurb the gadget"), "utf-8")
+    with pytest.raises(ConfigError, match=r"goal=flurb the gadget cannot be done.*flurb"):
+        main(["check", str(file)])
+
+
 @pytest.mark.parametrize(
     "words", [[], ["exprt"], ["export"], ["export", "a", "b"], ["check"], ["export", "missing.sqlite"]]
 )
