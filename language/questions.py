@@ -488,7 +488,8 @@ class Questions(Alternatives):
         if found is None and (entity is None or Lattice(scan(text)).unknown):
             return None
         halved = self.in_half(text, found[0]) if found else None
-        things = [i for i in found[0] if found[1].holds(i)] if found and halved is None else halved or fits
+        things = [i for i in found[0] if found[1].holds(i)] if found else fits
+        things = things if halved is None else halved
         if bare:
             things = [i for i in things if self.world.is_loose(i)] or things
         over = re.fullmatch(

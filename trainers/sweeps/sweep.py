@@ -73,9 +73,10 @@ class SweepCallback(Callback):
         SweepCallback.handles = True
         for number in SIGNALS:
             signal.signal(number, self._stop)
-        if config.hydra.runtime.choices["hydra/launcher"] == "local":
-            # The workers of joblib inherit this. One that has no job would die of a signal, and joblib would kill the
-            # others, and their jobs, for that.
+        launcher = config.hydra.runtime.choices["hydra/launcher"]
+        if launcher == "local" and config.hydra.launcher.n_jobs != 1:  # else joblib has no workers
+            # They inherit this. One that has no job would die of a signal, and joblib would kill the others, and their
+            # jobs, for that.
             resource_tracker.ensure_running()  # later, its start would let the signals through again
             signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
             threading.Thread(target=self._wait_for_signals, daemon=True).start()
