@@ -122,7 +122,7 @@ def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder:
     errors.unlink(missing_ok=True)  # created new below
     code = WORKER.run(job_command(program, config, own, place, share), errors, place.name)
     if code and not WORKER.signal and not is_stopped(place):
-        record_failure(place, failure_message(code, errors.read_text(errors="replace")))
+        record_failure(place, with_advice(failure_message(code, errors.read_text(errors="replace")), place))
     errors.unlink()
     WORKER.exit_if_orphaned()
 
@@ -223,6 +223,13 @@ def core_share(config: DictConfig, share: int | None = None) -> list[str]:
     if collector.workers or collector.name != "local":
         return threads
     return [f"collector.workers={most_workers(collector, share)}", *threads]
+
+
+def with_advice(message: str, place: Path) -> str:
+    """Return why a job failed, with what helps where the same would happen each time that it is resumed."""
+    folder = place / "checkpoints"
+    damaged = any(f"{file} is damaged" in message for file in folder.glob("*.pt"))
+    return f"{message}; remove {folder}, and the job begins anew" if damaged else message
 
 
 def failure_message(code: int, errors: str) -> str:

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from trainers.sweeps.job import core_share, failure_message, find_job_folder
+from trainers.sweeps.job import core_share, failure_message, find_job_folder, with_advice
 
 TRACEBACK = "Traceback (most recent call last):\n  x\nKeyError: 'a'"
 
@@ -45,3 +45,12 @@ def test_a_job_uses_its_share_of_the_cores(cores, jobs, workers, monkeypatch):
 )
 def test_a_failure_message_is_the_error_line_or_else_the_whole_output(code, errors, text):
     assert failure_message(code, errors) == text
+
+
+def test_a_job_with_a_damaged_checkpoint_is_told_how_to_begin_anew(tmp_path):
+    folder = tmp_path / "checkpoints"
+    folder.mkdir()
+    (folder / "last.pt").write_bytes(b"PK")
+    message = f"{folder / 'last.pt'} is damaged: File is not a zip file"
+    assert with_advice(message, tmp_path) == f"{message}; remove {folder}, and the job begins anew"
+    assert with_advice("the disk is full", tmp_path) == "the disk is full"
