@@ -11,8 +11,8 @@
 
 Keys: task, robot, control, workspace, objects, driver (policy, expert, hand), second_try (true or false: whether the
 expert tries once more what the policy did not manage) and checkpoint; or scene, a prepared scene (sort, point, drawer,
-which, tower) or the end of a copied link, which chooses all of them. Any other key=value
-overrides the environment's config, as in train.py. The page requires pip install -e ".[play]".
+which, tower) or the end of a copied link, which chooses all of them. Any other key=value overrides the environment's
+config, as in train.py. The page requires pip install -e ".[play]".
 """
 
 from __future__ import annotations

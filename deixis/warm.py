@@ -37,14 +37,14 @@ def main(words: Sequence[str]) -> int:
         ConfigError: the words are not those of a run that compiles gradient steps.
         RunError: nothing could be compiled.
     """
-    from trainers.algorithms.compiled import choose_cache
+    from trainers.algorithms.compiled import CACHE_VARIABLE, choose_cache
     from trainers.config import read_training
 
     run = import_module("train").run  # a program, by its name, as in `deixis.cli`
     training = read_training(compose(words))
     short = shortened(training)
     choose_cache()
-    cache = Path(os.environ["TORCHINDUCTOR_CACHE_DIR"])
+    cache = Path(os.environ[CACHE_VARIABLE])
     before = set(cache.rglob(LIBRARIES))
     with TemporaryDirectory() as folder, redirect_stdout(io.StringIO()):  # the result of so short a run says nothing
         run(compose([*words, *short]), Path(folder) / "run")

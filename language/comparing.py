@@ -14,6 +14,7 @@ from language.several import towers_of
 from language.spots import extent, half_of, middle_of
 from language.talk import sides_of
 
+_HALF = r"(left|right)(?: hand)?(?: side| half| part)?(?: of table)?"
 _LARGER = {
     **dict.fromkeys(("bigger", "larger", "wider", "taller", "longer", "biggest", "largest", "widest", "longest"), 1),
     **dict.fromkeys(("smaller", "littler", "narrower", "shorter", "smallest", "littlest", "tiniest", "narrowest"), -1),
@@ -72,9 +73,7 @@ class Comparisons(SelfAnswers):
             boxes = self.subject(re.sub(r"\b(and|or) (?:in|inside) ", r"\1 ", within[1])) or []
             if boxes and all(i in world.containers for i in boxes):
                 return Predicate(lambda i: world.inside.get(i) in boxes if world.is_loose(i) else None, "place")
-        side = re.fullmatch(
-            r"(?:on|at|to|in) (?:(left|right)(?: hand)?(?: side| half| part)?(?: of table)?|(middle))", plain
-        )
+        side = re.fullmatch(rf"(?:on|at|to|in) (?:{_HALF}|(middle))", plain)
         if side is None or world.cells:
             return None
         across = side[1] or side[2]
@@ -82,9 +81,7 @@ class Comparisons(SelfAnswers):
 
     def in_half(self, text: str, things: list[int]) -> list[int] | None:
         """Return those of some things that are in the half of the table that words end with; None for other words."""
-        side = re.search(
-            r"\b(?:on|at|to|in) (left|right)(?: hand)?(?: side| half| part)?(?: of table)?(?: now)?$", text
-        )
+        side = re.search(rf"\b(?:on|at|to|in) {_HALF}(?: now)?$", text)
         if side is None or self.world.cells:
             return None
         standing = [i for i in things if self.world.is_on_ground(i)]

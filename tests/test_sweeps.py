@@ -140,7 +140,6 @@ def shorten(run: Path, frames: int) -> None:
     torch.save(saved, path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_ctrl_c_saves_a_job_that_is_alone(jobs, tmp_path):
     """A worker of joblib that has no job must not end: joblib kills all the others then."""
@@ -156,7 +155,6 @@ def test_ctrl_c_saves_a_job_that_is_alone(jobs, tmp_path):
     assert {file.name for file in folder.iterdir() if file.is_file()} <= {"sweep.yaml", "multirun.yaml", ".lock"}
 
 
-@pytest.mark.slow
 def test_ctrl_c_at_the_start_of_a_sweep_begins_no_job(tmp_path):
     folder = tmp_path / "sweep"
     process = start("-m", f"total_frames={LONG}", "seed=0,1", *TINY, f"hydra.sweep.dir={folder}")

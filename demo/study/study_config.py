@@ -184,7 +184,7 @@ def check_policies(study: StudyConfig) -> None:
             key, traits = f"conditions.{name}", TASKS[scene.task].traits
             if condition.input == "finger" and traits.moves:
                 raise ConfigError(
-                    f"{key}.input=finger does not go with scenes.{scene_name}.task={scene.task}: that is said; "
+                    f"{key}.input=finger does not go with scenes.{scene_name}.task={scene.task}, which takes words; "
                     "choose a task that reaches, such as nl_reach, or input=both"
                 )
             if condition.driver == "policy" and condition.policy is None:

@@ -21,7 +21,7 @@ from core.system import cores, signal_at_parent_death
 from trainers.config import most_workers, read_collector
 from trainers.sweeps.arguments import NON_JOB_PREFIXES
 from trainers.sweeps.runs import read_overrides, read_result
-from trainers.sweeps.sweep import PID, STOPPED, SweepCallback
+from trainers.sweeps.sweep import LOCAL, PID, SIGNALS, STOPPED, SweepCallback
 from trainers.utils.files import write_checked_json, write_text
 
 ENVIRONMENT = {"PYTHONUNBUFFERED": "1", "HYDRA_FULL_ERROR": "1"}
@@ -43,9 +43,9 @@ class JobWorker:
         """
         if SweepCallback.handles:
             return
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in SIGNALS:
             signal.signal(number, self._stop)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))  # the sweep blocks them
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # the sweep blocks them
         signal_at_parent_death(signal.SIGTERM)
 
     def _stop(self, number: int, _frame: object) -> None:
@@ -97,7 +97,7 @@ class JobWorker:
 WORKER = JobWorker()
 
 
-def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder: Path, launcher: str = "local") -> None:
+def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder: Path, launcher: str = LOCAL) -> None:
     """Run the job with these overrides, unless it has finished or the sweep was stopped.
 
     Args:

@@ -13,6 +13,7 @@ that crashes or is killed leaves its error message, and the other jobs continue.
 
 from __future__ import annotations
 
+import _thread
 import os
 import shlex
 import signal
@@ -38,6 +39,7 @@ from trainers.sweeps.runs import RunRecord, add_start, distinct_overrides, find_
 
 HEADER = ("run", "success", "ci95", "wrong object", "disturbed", "frames", "seconds")
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+LOCAL = "local"  # the launcher whose jobs run on this machine
 STOPPED, PID = ".stopped", ".pid"  # files of a sweep that ends, and of a job that runs
 REPEAT_SECONDS = 2.0  # a terminal signals the process and its group: two signals within this time are one request
 
@@ -46,7 +48,8 @@ class SweepCallback(Callback):
     """Hydra's callback for the start and the end of a multirun, in the main process. Copies in workers do nothing.
 
     received: the latest signal to this process, for launchers; 0 before it. handles: whether this process is that of a
-    sweep, whose signals are handled here.
+    sweep, whose signals are handled here. folder: of a sweep that stops its jobs itself; None: its launcher does, whose
+    jobs may run on other machines.
     """
 
     received, handles = 0, False
@@ -73,18 +76,13 @@ class SweepCallback(Callback):
         SweepCallback.handles = True
         for number in SIGNALS:
             signal.signal(number, self._stop)
-        launcher = config.hydra.runtime.choices["hydra/launcher"]
-        if launcher == "local" and config.hydra.launcher.n_jobs != 1:  # else joblib has no workers
+        if self.folder is not None and config.hydra.launcher.n_jobs != 1:  # else joblib has no workers
             # They inherit this. One that has no job would die of a signal, and joblib would kill the others, and their
             # jobs, for that.
             resource_tracker.ensure_running()  # later, its start would let the signals through again
             signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-            threading.Thread(target=self._wait_for_signals, daemon=True).start()
+            threading.Thread(target=_pass_signals_on, daemon=True).start()
         print(f"sweep in {folder}", flush=True)
-
-    def _wait_for_signals(self) -> None:
-        while True:
-            self._stop(signal.sigwait(SIGNALS), None)
 
     def _begin(self, config: Any, folder: Path) -> None:
         read(SweepConfig, config.sweep, "sweep")
@@ -92,7 +90,8 @@ class SweepCallback(Callback):
         if any(word.startswith("resume=") for word in overrides):
             raise ConfigError("resume=<run dir> resumes a single run; a sweep is resumed with sweep.resume=<sweep dir>")
         self.lock = FolderLock(folder, "sweep").__enter__()  # held until this process ends
-        self.folder = folder
+        if config.hydra.runtime.choices["hydra/launcher"] == LOCAL:
+            self.folder = folder
         for left in (folder / STOPPED, *folder.glob(f"*/{PID}")):  # of a sweep that was killed
             left.unlink(missing_ok=True)
         add_start(folder, overrides)
@@ -103,10 +102,11 @@ class SweepCallback(Callback):
         A later second signal ends this process at once.
         """
         if self.signal and time.monotonic() - self.signal_time > REPEAT_SECONDS:
-            os._exit(128 + number)
+            raise KeyboardInterrupt
         self.signal, self.signal_time = number, self.signal_time or time.monotonic()
         SweepCallback.received = number
-        assert self.folder is not None
+        if self.folder is None:
+            return
         (self.folder / STOPPED).touch()
         for file in self.folder.glob(f"*/{PID}"):
             with suppress(OSError, ValueError):  # it has ended meanwhile
@@ -130,6 +130,12 @@ class SweepCallback(Callback):
             command = shlex.join(["python", "train.py", "-m", f"sweep.resume={folder}", *words])
             print(f"run the missing jobs with: {command}", flush=True)
             sys.exit(128 + self.signal if self.signal else 1)
+
+
+def _pass_signals_on() -> None:
+    """Have the main thread handle the signals that it does not hear itself."""
+    while True:
+        _thread.interrupt_main(signal.Signals(signal.sigwait(SIGNALS)))
 
 
 def summarize(folder: Path) -> bool:
