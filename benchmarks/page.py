@@ -1,14 +1,15 @@
-"""The page of play.py in a browser: time to load and to move, success of typed sentences, robustness.
+"""The page of play.py: time to load and to move, success of typed sentences, robustness.
 
     pip install -e ".[test]"                               # and Chromium of the system
     python -m benchmarks.page start                        # time to the page and to the first motion, and the clock
     python -m benchmarks.page motion                       # time to motion without a browser
     python -m benchmarks.page said --count 100             # success of sentences that are typed into the page
     python -m benchmarks.page hostile --minutes 30         # random and hostile text, clicks, choices, reloads; memory
+    python -m benchmarks.page clients --count 200          # hostile programs, in turn and 20 at once
     python -m benchmarks.page film --seed 7 --out outputs/said.gif  # a sentence and its correction
 
 Arguments after `--` go to play.py. `start` counts from the start of the process. A motion counts from the press of
-Enter to the status that the page shows after the step, by which time the arm has moved.
+Enter to the status that the page shows after the step, by which time the arm has moved. The last line is JSON.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import json
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +33,15 @@ from demo.real_time_loop import RealTimeLoop
 from demo.session import Session
 from demo.session_config import make_config
 from tools.browser import TIMEOUT, WIDE, PageTab, PlayServer, headless_browser
+from tools.hostile_messages import send_hostile_messages
+from tools.page_client import PageClient
 from tools.random_scenes import random_scene
 from trainers.evaluation.evaluation import wilson
 
 MIN_MOTION = 0.001  # metres of the gripper
+AT_ONCE, MESSAGES = 20, 20  # clients; messages of each
+ANSWERED = 20  # sentences of a person after the clients
+SETTLED = 6.0  # seconds after which the page has measured its clock anew
 DRAWING_TIME = 1.0  # seconds for a browser without a graphics card to draw a step
 ACTION_WEIGHTS = {
     "type": 40,
@@ -79,9 +86,14 @@ def start(args: argparse.Namespace) -> dict[str, Any]:
             page.press("New scene")
             page.wait_for_turn("This is a new scene")
         server.close()
-    quantiles, clock = [float(np.median(motions)), max(motions)], [min(clocks), max(clocks)]
-    times = {"seconds_to_answer": seconds_to_answer, "seconds_to_page": seconds_to_page}
-    return {**times, "first_motion_ms_median_worst": quantiles, "clock_least_most": clock}
+    return {
+        "seconds_to_answer": seconds_to_answer,
+        "seconds_to_page": seconds_to_page,
+        "motion_median_ms": float(np.median(motions)),
+        "motion_worst_ms": max(motions),
+        "clock_least": min(clocks),
+        "clock_most": max(clocks),
+    }
 
 
 def motion(args: argparse.Namespace) -> dict[str, Any]:
@@ -154,11 +166,9 @@ def hostile(args: argparse.Namespace) -> dict[str, Any]:
     return {
         "minutes": args.minutes,
         "actions": counts,
-        "exit_code": server.process.returncode,
-        "exceptions": errors.count("Traceback"),
-        "first": errors[errors.find("Traceback") :][:2000] if "Traceback" in errors else "",
         "megabytes": [round(each, 1) for each in memory],
         "grew": max(memory) / memory[0] - 1,
+        **_failures(server, errors),
     }
 
 
@@ -185,6 +195,53 @@ def _act(action: str, page: PageTab, browser: Any, address: str, rng: np.random.
         label = str(rng.choice(list(CHANGES)))
         page.choose(label, str(rng.choice(CHANGES[label])))
     return page
+
+
+def clients(args: argparse.Namespace) -> dict[str, Any]:
+    """Have programs send hostile messages, one after another, then many at once; then say sentences as a person."""
+    server = PlayServer("--seed", str(args.seed), *args.words)
+
+    def visit(number: int) -> int:
+        return send_hostile_messages(np.random.default_rng([args.seed, number]), server.address, MESSAGES)
+
+    def visits(first: int, count: int, at_once: int) -> int:
+        """Have clients visit while the person looks on. Return how often the page has closed a socket of theirs."""
+        with ThreadPoolExecutor(at_once) as pool:
+            each = [pool.submit(visit, number) for number in range(first, first + count)]
+            while not all(future.done() for future in each):
+                person.listen(0.1)
+        return sum(future.result() for future in each)
+
+    with PageClient(server.address) as person:
+        person.wait_until_ready()
+        visits(0, AT_ONCE, 1)
+        before = server.megabytes()
+        closed = visits(AT_ONCE, args.count, 1) + visits(AT_ONCE + args.count, AT_ONCE, AT_ONCE)
+        person.start_over()
+        names = person.names()
+        answered = [person.say_and_wait(f"reach {names[number % len(names)]}") for number in range(ANSWERED)]
+        person.listen(SETTLED)
+        grew, clock = server.megabytes() / before - 1, person.sections["clock"]["rate"]
+    errors = server.close()
+    return {
+        "clients": args.count + AT_ONCE,
+        "messages": (args.count + AT_ONCE) * MESSAGES,
+        "closed_by_the_page": closed,
+        "answered": sum(answer.startswith("Done") for answer in answered),
+        "sentences": ANSWERED,
+        "clock": clock,
+        "grew": grew,
+        **_failures(server, errors),
+    }
+
+
+def _failures(server: PlayServer, errors: str) -> dict[str, Any]:
+    """Return how a server has ended, and the exceptions in what it wrote."""
+    return {
+        "exit_code": server.process.returncode,
+        "exceptions": errors.count("Traceback"),
+        "first": errors[errors.find("Traceback") :][:2000] if "Traceback" in errors else "",
+    }
 
 
 def film(args: argparse.Namespace) -> dict[str, Any]:
@@ -220,11 +277,11 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure one thing and print the result as JSON."""
+    """Measure one thing and print the result as a line of JSON."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("what", choices=list(COMMANDS))
     options.add_argument("words", nargs="*", default=["task=nl_reach"], help="arguments for play.py, after --")
-    options.add_argument("--count", type=int, default=20, help="sentences")
+    options.add_argument("--count", type=int, default=20, help="sentences; of clients: clients")
     options.add_argument("--minutes", type=float, default=30.0)
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--out", type=Path, help="the GIF of film")
@@ -233,10 +290,17 @@ def main() -> None:
         options.error("--count must be at least 1, --minutes greater than 0, --seed at least 0")
     if args.what == "film" and args.out is None:
         options.error("film requires --out, a GIF")
-    print(json.dumps({"machine": system_info(), args.what: COMMANDS[args.what](args)}, indent=1))
+    print(json.dumps({"machine": system_info(), args.what: COMMANDS[args.what](args)}))
 
 
-COMMANDS = {"start": start, "motion": motion, "said": said, "hostile": hostile, "film": film}
+COMMANDS = {
+    "start": start,
+    "motion": motion,
+    "said": said,
+    "hostile": hostile,
+    "clients": clients,
+    "film": film,
+}
 
 if __name__ == "__main__":
     main()

@@ -117,7 +117,7 @@ def load(args: argparse.Namespace) -> dict[str, Any]:
         "participants": args.participants,
         "robots_at_once_mean_most": [float(np.mean(at_once)), max(at_once)],
         "clock_percentiles_0_1_50_99_100": np.percentile(clocks or [np.nan], (0, 1, 50, 99, 100)).round(3).tolist(),
-        "within_0.95_1.05": float(np.mean([0.95 <= clock <= 1.05 for clock in clocks])) if clocks else np.nan,
+        "clock_within_bar": float(np.mean([0.95 <= clock <= 1.05 for clock in clocks])) if clocks else np.nan,
         "samples": len(clocks),
         "cpu_seconds_per_robot_second": used / max(passed, 1e-9),
         "load_average_mean": float(np.mean(loads)),
@@ -286,7 +286,7 @@ COMMANDS = {"load": load, "kills": kills, "simulate": simulate, "processes": pro
 
 
 def main() -> None:
-    """Measure one thing and print the result as JSON."""
+    """Measure one thing and print the result as a line of JSON."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("what", choices=list(COMMANDS))
     options.add_argument("--participants", type=int, help="at once; 8 for load, 4 for kills")
@@ -304,7 +304,7 @@ def main() -> None:
         options.error("--participants and --count must be at least 1, --seconds more than 3, --pause more than 0")
     if args.what == "simulate" and args.out is None:
         options.error("simulate requires --out, a folder")
-    print(json.dumps({"machine": system_info(), args.what: COMMANDS[args.what](args)}, indent=1))
+    print(json.dumps({"machine": system_info(), args.what: COMMANDS[args.what](args)}))
 
 
 if __name__ == "__main__":

@@ -26,18 +26,32 @@ TYPES = (
     + ("TransformControlsUpdateMessage", "TransformControlsDragStartMessage", "TransformControlsDragEndMessage", "")
 )  # fmt: skip
 FIELDS = ("uuid", "name", "updates", "value", "position", "wxyz", "owner", "frequency", "phase", "content", "more")
-SENTENCES = (*WORDS, "reach the red cube", "stop", "no, the blue one", "what do you see?", "slower", "go home", "go on")
+SENTENCES = (
+    *WORDS[:-1],
+    "a" * 2000,
+    "reach the red cube",
+    "stop",
+    "no, the blue one",
+    "what do you see?",
+    "slower",
+    "go home",
+    "go on",
+)
 ACTIONS: dict[str, dict[str, list[Any]]] = {  # what a tab asks for, with values that it may send; none loads a robot
     "say": {"text": list(SENTENCES)},
     "preview": {"text": list(SENTENCES)},
-    "press": {"button": ["stop", "shuffle", "point", "step", "stop arm", "release arm"]},
+    "hear": {"pcm": ["", "AAAA", "/38AgP9/AIA="], "rate": [16_000, 8_000, 1]},  # in base64
+    "click": {"button": ["stop", "shuffle", "point", "step", "picture", "link", "stop arm", "release arm"]},
+    "move": {"object": [0, 2, 99], "to": ["left", "right", "away", "near"]},
     "nudge": {"to": ["left", "right", "away", "near", "up", "down"]},
     "hover": {"at": [None, [0.5, 0.5], [0, 1]]},
     "driver": {"value": ["policy", "expert", "hand"]},
     "viewpoint": {"value": ["robot", "human"]},
-    "flag": {"name": ["paused", "gripper closed", "names", "glow"], "value": [True, False]},
+    "flag": {"name": ["paused", "gripper closed", "names", "glow", "looks", "compares"], "value": [True, False]},
     "speed": {"value": [0.1, 0.5, 1]},
     "camera": {"value": ["front", "nothing"]},
+    "scene": {"text": ["no such scene", "", "eJwDAAAAAAE"]},
+    "export": {"kind": ["lerobot", "minari"]},
     "hand": {"place": [[0.4, 0, 0.2], [20, -20, 0]]},
     "change": {"robot": ["x"], "control": ["step"], "task": ["nl_reach"]},
 }
@@ -54,22 +68,22 @@ def _point(rng: Rng) -> list[float]:
 # ---- To the page
 
 
-def _action(rng: Rng) -> dict[str, Any]:
+def sensible_message(rng: Rng) -> dict[str, Any]:
     """What a person could do."""
     action = _any(rng, list(ACTIONS))
     return {"do": action} | {name: _any(rng, values) for name, values in ACTIONS[action].items()}
 
 
-def _wrong_action(rng: Rng) -> dict[str, Any]:
+def _wrong_message(rng: Rng) -> dict[str, Any]:
     """What a person could do, with a value or a field that is wrong."""
-    action = _action(rng)
+    action = sensible_message(rng)
     action[_any(rng, [*action, *FIELDS])] = _any(rng, VALUES)
     return action
 
 
 def tab_message(rng: Rng) -> bytes | str:
     """Draw a message to the page."""
-    message = copy.deepcopy(_any(rng, [_action, _wrong_action])(rng))
+    message = copy.deepcopy(_any(rng, [sensible_message, _wrong_message])(rng))
     return _spoiled(rng, json.dumps(message).encode()) if rng.random() < 0.15 else json.dumps(message)
 
 

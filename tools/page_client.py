@@ -144,6 +144,22 @@ class PageClient(Client):
         self.wait_until_ready()
         self.send("say", text=sentence)
 
+    def say_and_wait(self, sentence: str) -> str:
+        """Say a sentence, wait until it has ended, and return the page's words for that. Raises TimeoutError."""
+        turn = self.newest
+        self.say(sentence)
+        return self.wait_for_text("Done in|Not done.*", after=turn)
+
+    def start_over(self) -> None:
+        """Have a new scene, and choose again what any tab may have changed."""
+        turn = self.newest
+        self.press("shuffle")
+        self.wait_for_text("This is a new scene", after=turn)
+        self.listen(0.5)  # a last message of another tab may be answered after it
+        self.send("flag", name="paused", value=False)
+        self.send("speed", value=1.0)
+        self.send("driver", value="expert")
+
     def press(self, button: str) -> None:
         """Press a button."""
         self.send("click", button=button)

@@ -192,13 +192,7 @@ def test_hostile_messages_to_the_page(row, server):
         sender.start()
         while sender.is_alive():
             other.listen(0.1)
-        other.send("flag", name="paused", value=False)  # which anyone may choose
-        other.send("speed", value=1.0)
-        other.send("driver", value="expert")
-        turn = other.newest
-        other.press("shuffle")
-        other.wait_for_text("This is a new scene", after=turn)  # a last hostile message may be answered after it
-        other.listen(0.5)
+        other.start_over()
         names = other.names()
         for number in range(row.number(5, 20)):
             row.count(unanswered(other, f"reach {names[number % len(names)]}"))
