@@ -3,6 +3,7 @@
     python -m benchmarks.speech                    # 200 instructions, each by three voices
     python -m benchmarks.speech --snr 20           # with white noise, 20 dB below the voice
     python -m benchmarks.speech --errors           # also what was heard instead
+    python -m benchmarks.speech --json             # the last line as JSON
 
 Each instruction is of another scene. Words right: 1 - (words inserted, lost and replaced) / words said, where "grey" is
 "gray". Sentences right: with all words. Plans right: what was heard is planned as what was said, typed.
@@ -12,6 +13,7 @@ The intervals are Wilson's for shares, and of a bootstrap over instructions for 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import time
 from collections.abc import Iterator
@@ -20,7 +22,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from benchmarks.store import lines_of
 from demo.session import Session
 from demo.session_config import make_config
 from language import LanguageError, Outcome, Plan
@@ -107,13 +108,23 @@ def summary(found: list[Heard]) -> dict[str, Any]:
     """Return the shares that are right, each with its interval."""
     wrong, words = np.array([each.wrong for each in found]), np.array([each.words for each in found])
     drawn = np.random.default_rng(0).integers(len(found), size=(RESAMPLES, len(found)))
-    low, high = np.quantile(1 - wrong[drawn].sum(1) / words[drawn].sum(1), (0.025, 0.975))
-    result = {"sounds": len(found), "words_right": f"{1 - wrong.sum() / words.sum():.3f} ({low:.3f}-{high:.3f})"}
+    interval = np.quantile(1 - wrong[drawn].sum(1) / words[drawn].sum(1), (0.025, 0.975))
+    words_right = float(1 - wrong.sum() / words.sum())
+    result = {"sounds": len(found), "words_right": words_right, "words_ci95": interval.tolist()}
     for name, right in {"sentences": wrong == 0, "plans": np.array([each.plan for each in found])}.items():
-        low, high = wilson(int(right.sum()), len(right))
-        result[f"{name}_right"] = f"{right.mean():.3f} ({low:.3f}-{high:.3f})"
+        result[f"{name}_right"] = float(right.mean())
+        result[f"{name}_ci95"] = list(wilson(int(right.sum()), len(right)))
     took = sum(each.took for each in found) / sum(each.seconds for each in found)
-    return {**result, "time_as_share_of_sound": round(took, 3)}
+    return {**result, "time_as_share_of_sound": took}
+
+
+def shown(result: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines of a summary."""
+    for name, value in result.items():
+        if not name.endswith("_ci95"):
+            low, high = result.get(f"{name.removesuffix('_right')}_ci95", (None, None))
+            text = f"{value:.3f}" if isinstance(value, float) else str(value)
+            yield f"{name:24} {text}" + (f" ({low:.3f}-{high:.3f})" if low is not None else "")
 
 
 def main() -> None:
@@ -123,6 +134,7 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=1, help="of the scenes (1)")
     options.add_argument("--snr", type=float, help="of added white noise, dB (none)")
     options.add_argument("--errors", action="store_true", help="print what was misheard")
+    options.add_argument("--json", action="store_true", help="print all figures as a last line of JSON")
     args = options.parse_args()
     found: dict[str, list[Heard]] = {name: [] for name in VOICES}
     for name, heard in measured(args):
@@ -130,9 +142,12 @@ def main() -> None:
         if args.errors and (heard.wrong or not heard.plan):
             print(f"{name}: {heard.said!r} was heard as {heard.heard!r}; plan {'right' if heard.plan else 'wrong'}")
     everything = [each for voice in found.values() for each in voice]
-    for voice, result in {**found, "all": everything}.items():
-        for name, value in lines_of(summary(result)):
-            print(f"{voice:20} {name:26} {value}")
+    results = {voice: summary(heard) for voice, heard in {**found, "all": everything}.items()}
+    for voice, result in results.items():
+        for line in shown(result):
+            print(f"{voice:20} {line}")
+    if args.json:
+        print(json.dumps(results))
 
 
 if __name__ == "__main__":
