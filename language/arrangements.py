@@ -19,8 +19,8 @@ _MAKE = (
     r"|want|would like)(?: me| us| up| to have| to see)?)"
 )
 _LITTLE = (
-    r"(?:(?:a|an|one|another|that|this|my|new|nice|neat|little|small|big|tall|high|single|proper|whole|straight"
-    r"|simple) )*"
+    r"(?:(?:a|an|one|another|second|third|further|other|different|separate|that|this|my|new|nice|neat|little|small|big"
+    r"|tall|high|single|proper|whole|straight|simple) )*"
 )
 _BESIDE = r"side by side|(?:next to|beside) (?:each other|one another)"
 _TOWER, _ROW = r"(?:tower|stack|pile|column|pillar)", r"(?:row|line)"

@@ -183,6 +183,7 @@ class Conditions(GoingOn):
         return (
             found
             or self._same_elsewhere(sentence, text)
+            or self._same_with_both(text)
             or self._meant_first(sentence, text)
             or self._of_those(sentence, made)
         )

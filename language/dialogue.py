@@ -237,6 +237,7 @@ class Dialogue(Conditions):
         if conditional is not None:
             return conditional
         words, same = self._without_same(normalised(text))
+        self.last = self._unadjusted() if same else self.last
         if not words:  # "hey there", which says nothing more
             return _social(text, self.now)
         number, spent = times([token.text for token in words])
@@ -339,6 +340,8 @@ class Dialogue(Conditions):
             return _social(sentence, self.now)
         if act == "no" and isinstance(did, Plan):
             return Signal(sentence, 1.0, (), span, control="stop", text="I stop. Say what you mean instead")
+        if act == "undo" and {"take", "it", "back"} <= {*words} and self._gave_before():
+            return None  # what is on the person's hand
         if act in ("undo", "wrong"):
             redoes = "undo" in words[words.index("undo") + 1 :] if "undo" in words else False
             return (self._redone(sentence, words) if redoes else None) or self._undone(sentence, number)

@@ -36,6 +36,10 @@ _ELSEWHERE = re.compile(  # "the same with X, right side"
     r"(?P<side>left|right|front|behind|other|back)"
     r"(?: hand)?(?: side)?(?:(?: of)? (?:it|that(?: one)?))?(?: this time| instead| please)*"
 )
+_BOTH_ELSE = re.compile(  # "the same with the orange one and the fridge": another thing and another place
+    rf"{_IDLE}(?:do |repeat )?(?:exactly )?same(?: thing| again)? (?:with|for|using) (?P<one>[^,.;]+?)"
+    r" (?:and|in|into|on|onto|with) (?P<other>[^,.;]+?)(?: please| now| too| as well)*"
+)
 _AFTER_ALL = r"(?: after all| either| any ?more| any longer| then| anyway| please)*"
 _NOT_THAT = re.compile(
     rf"{_IDLE}not (?P<what>that(?: one)?|this(?: one)?|it|(?:(?!after\b|another\b|other\b)\w+ ?){{1,3}}?)"
@@ -134,6 +138,23 @@ class GoingOn(Corrections):
         beside = replace(place, name=side, anchors=(pinned(anchor),))
         loose = replace(entity, noun=entity.noun or "cube") if self._fits(replace(entity, noun="cube")) else entity
         return self._settle(sentence, Reading((Clause(CARRY, loose, (beside,)),)))
+
+    def _same_with_both(self, text: str) -> Outcome | None:
+        """Return what the last command comes to with another thing and another place; None of other words."""
+        match, done = _BOTH_ELSE.fullmatch(text), self.done()
+        put = [(step.object, step.goal) for step in carried(done and done.outcome) if step.goal is not None]
+        if match is None or done is None or not put or self.now.cells:
+            return None
+        things = self.now.things
+        new = [self._things(match[each])[:1] for each in ("one", "other")]
+        command = done.sentence.lower()
+        for was, (now, *_) in zip(put[-1], new, strict=True) if all(new) else ():
+            phrase_of = rf"\b{things[was].kind}\b" if was in self.now.containers else rf"\b{things[was].color}\b"
+            word = things[now].kind if was in self.now.containers else things[now].color
+            command, found = re.subn(phrase_of, word, command)
+            if not found or self.now.is_loose(was) != self.now.is_loose(now):
+                return None
+        return self.copy()._answer(command, ()) if all(new) else None
 
     def _fits(self, entity: Entity) -> bool:
         return any(ref.things for ref in self.planner().resolver(self.now, ()).resolve(entity))

@@ -15,6 +15,8 @@ from language.spots import Rest, left_place
 from language.verbs import Act
 from language.world import WorldModel
 
+_ADJUSTING = ("toward", "away", "direction")  # where something is put, as seen from where it stands
+
 
 class Turn(NamedTuple):
     """A sentence, what came of it, the world before it, and the things that it was about, the last one last.
@@ -193,7 +195,25 @@ class Memory:
             about = [i for i in turn.about if i in alike]
             if one in about and len(about) > 1:
                 return tuple(i for i in about if i != one)
-        return ()
+        in_turn = self._carried()
+        return tuple(i for i in in_turn if i != one) if one in in_turn and len(in_turn) == 2 else ()
+
+    def _unadjusted(self) -> Reading | None:
+        """Return the last reading; of a place that was adjusted since, "a bit closer", that which said the place."""
+        for turn in reversed(self.turns):
+            reading = getattr(turn.outcome, "reading", None)
+            if not isinstance(reading, Reading) or not reading.steps[-1].places:
+                break
+            places = reading.steps[-1].places
+            if places[0].name not in _ADJUSTING:
+                return self.last if reading is self.last else Reading(reading.steps[-1:])
+        return self.last
+
+    def _gave_before(self) -> bool:
+        """Whether a thing is on the person's hand with which the last plan did nothing."""
+        done, hand = self.done(), self.now.hand
+        given = self.now.contents(hand) if hand is not None else []
+        return bool(given) and not any(step.object in given for step in getattr(done and done.outcome, "steps", ()))
 
     def open_question(self) -> Question | None:
         """Return the question that waits for its answer: the last one, if nothing was done since."""

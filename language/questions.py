@@ -87,8 +87,10 @@ class Questions(Alternatives):
         return self._answer(asked)
 
     def _answer_to_next(self, asked: str) -> str | None:
+        before = self.things
         told = self._answer(asked)
         self.planner.it = tuple(self.things) or self.planner.it
+        self.things = [*self.things, *(i for i in before if i not in self.things)]
         return told
 
     def _answer(self, asked: str) -> str | None:

@@ -62,6 +62,18 @@ _BASE = re.compile(  # what a thing stood on
     rf"(?:{_WAS} (?:under|beneath|underneath|below) (?P<over>it|that|this|\w+(?: \w+)?)"
     rf"|(?P<over2>it|that|this|\w+(?: \w+)?) {_WAS} on)\b"
 )
+_PAIR = re.compile(  # of things that were spoken of
+    r"\b(?P<lead>between|swap|switch|exchange) (?:(?:them|those|these|both)(?: both| two| cubes| blocks| ones)*|two)"
+    r"(?=$| [.,;!?]| (?:please|now|then|and|instead)\b)"
+)
+_EXCHANGED = re.compile(
+    r"\b(?:swap|exchange|trade|replace|change|switch) (?:it|that|this)(?: one)? (?:for|with|by|against)"
+    r" (?P<new>[^.,;!?]+)"
+)
+_RATHER_IN = re.compile(  # "I would rather have the yellow one in there"
+    r"\b(?:i|we) (?:would )?(?:rather|prefer)(?: to)?(?: have| see| put| like)? (?P<new>[^.,;!?]+?)"
+    r" (?:in(?:side)? (?:there|it|that one)|inside)(?: instead)?$"
+)
 _POINTS = re.compile(r"\b(?:this|these|here|there)\b")
 _PLACE = r"(?:this|that) (?:spot|place|position)|here"
 _CALLS = re.compile(
@@ -97,7 +109,8 @@ class Recollections(Memory):
         places: list[tuple[int, Gesture]] = []
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
-        for find in (self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand):
+        found_by = self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand
+        for find in (*found_by, self._by_pair, self._by_exchange):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
                 first, last = (match.string[:end].count(" ") for end in (match.start(), match.end() - 1))
@@ -251,6 +264,32 @@ class Recollections(Memory):
         x, y, on = rest
         inside = on in self.now.containers
         yield match, Gesture((), (x, y)) if on is None else f"{'in' if inside else 'on'} {name(self.now, on)}"
+
+    def _by_pair(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "between them", if less than two things are "them": the two that were moved or spoken of last."""
+        text, world, planner = text_of(scan(sentence)), self.now, self.planner()
+        if sum(world.is_loose(i) for i in self.it) > 1:
+            return
+        for match in _PAIR.finditer(text):
+            spoken = [i for i in dict.fromkeys((*planner.carried, *planner.recent)) if world.is_loose(i)]
+            others = [i for i in spoken if not re.search(rf"\b{world.things[i].color}\b", text)]
+            if len(others) > 1:
+                yield match, f"{match['lead']} {listed([name(world, i) for i in others[:2]])}"
+
+    def _by_exchange(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "swap it for X" of a thing on the hand or in a container: X gets there in its place."""
+        world, text = self.now, text_of(scan(sentence))
+        full = world.contents(self.box) if self.box is not None else []
+        for match in (*_EXCHANGED.finditer(text), *(_RATHER_IN.finditer(text) if full else ())):
+            old = full[0] if match.re is _RATHER_IN else self.it[0] if self.it else None
+            box = world.inside.get(old) if old is not None else None
+            if old is None or box is None:
+                continue
+            if box == world.hand:
+                yield match, f"put it back and give me {match['new']}"
+            else:
+                place = name(world, box)
+                yield match, f"take {name(world, old)} out of {place} and put {match['new']} in {place}"
 
     def _whole(self, text: str) -> tuple[Entity | None, list[Ref]]:
         """Return the phrase to which all of some words belong, and its referents; None and [] of other words."""

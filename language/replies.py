@@ -64,9 +64,11 @@ _OF_TOWER = re.compile(  # "the lower cube", "the top one of the stack"
     r"\b(?:(?P<low>lower|bottom|lowest|bottommost|undermost)|upper|top|uppermost|topmost) (?:one|cube|block|brick)\b"
     r"(?: (?:of|in|from|on) (?:that |this )?(?:tower|stack|pile))?(?! (?:of|left|right|on top))"
 )
-_ONE_MORE = re.compile(  # of a tower: "and another one on top"
-    r"(?:(?:and|now|then|please|can you|could you) )*(?:(?:put|place|add|stack|set) )?(?:another|one more)"
+_ONE_MORE = re.compile(  # of a tower: "and another one on top", "make it higher"
+    r"(?:(?:and|now|then|please|can you|could you) )*(?:(?:(?:put|place|add|stack|set) )?(?:another|one more)"
     r"(?: one| cube| block)? on (?:top(?: of (?:it|that|them|tower|stack))?|(?:that |this )?(?:tower|stack|pile))"
+    r"|(?:make|build) (?:it|(?:that |this )?(?:tower|stack|pile))"
+    r" (?:(?:even|a bit|a little|still|one \w+) )*(?:higher|taller))"
     r"(?: as well| too| please| now)*"
 )
 _OF_BOXES = re.compile(  # "in the closed one"
@@ -268,9 +270,19 @@ class Replies(Recollections):
             return place
         match = _LEVEL.match(text)
         last = self.last.steps[-1] if self.last is not None else None
-        if match is None or last is None or last.act is not Act.BUILD or self.now.flat_only:
+        if match is None or last is None:
             return None
         named = phrase(self.now, self.planner(), scan(match["thing"]))[1]
+        pair = next((tower for tower in towers_of(self.now, self.it) if len(tower) == 2), None)
+        if pair is not None and any(set(pair) & {*ref.things} for ref in named):
+            under, over = pair
+            there = any(
+                ref.things[-1:] == (under if match["level"].endswith(("bottom", "base")) else over,) for ref in named
+            )
+            upper, lower = (name(self.now, i) for i in ((over, under) if there else (under, over)))
+            return f"put {upper} on {lower}"
+        if last.act is not Act.BUILD or self.now.flat_only:
+            return None
         if self.it and not any(ref.things[-1] in self.it for ref in named if ref.things):  # the tower grows
             return None
         return f"stack them all, {match['thing']} at the {match['level']}"

@@ -26,7 +26,7 @@ from language.world import WorldModel
 
 _DEED = re.compile(
     r"(?:did|have) (?:you|we|i) (?:already |just |ever |really |even )*(?P<verb>\w+(?: (?:up|down|out|off))?)"
-    r" (?P<what>.+?)(?: yet| already| before| again| up| down| away| back)*$"
+    r"(?P<given> (?:me|us))? (?P<what>.+?)(?: yet| already| before| again| up| down| away| back)*$"
 )
 _CHOICES = re.compile(  # after a question that offers some things
     r"(?:what|which)(?: ones?| cubes?| blocks?| things?| colou?rs?| choices?| options?)?(?: else)?"
@@ -166,6 +166,7 @@ class SelfAnswers(ABC):
             if not {Act.OPEN, Act.SHUT, Act.OPERATE, Act.TOUCH} & set(acts):
                 things = [i for i in things if self.world.is_loose(i)] or things  # "did you put the red one away?"
             steps = [step for _, plan in plans for step in plan.steps if step.object in things]
+            steps = [step for step in steps if not asked["given"] or step.goal == self.world.hand]
             done = any(is_done(step, acts) for step in steps) if acts else bool(steps)
             return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"
         told = "; then ".join(said(turn.world, plan.steps) for turn, plan in plans)

@@ -66,7 +66,11 @@ def plainest(text: str) -> str:
     minded = _MINDED.match(text)
     said = f"{minded['verb']}{minded['double'] or ''}{text[minded.end() :]}" if minded else _WISHED.sub("", text)
     said = re.sub(rf"^{_KIND}(?=\w)", "", said)
-    said = re.sub(rf"(?: (?:please|right now|immediately|now|at once|for a (?:second|moment)|{_LITTLE}))+$", "", said)
+    said = re.sub(
+        rf"(?: (?:please|right now|immediately|now|at once|for a (?:second|moment)|from (?:now|here) on|{_LITTLE}))+$",
+        "",
+        said,
+    )
     for pattern, plain in ((_UNDOES, "undo"), (_BETTER_BEFORE, "undo"), (_REPEATS, "again"), (_GOES_HOME, "home")):
         if pattern.match(said):
             return plain

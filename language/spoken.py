@@ -41,6 +41,10 @@ _SHOULD = re.compile(
     re.IGNORECASE,
 )
 _DID_MEAN = re.compile(r"\b(I) (?:did|do) (?:really |actually |in fact )?mean\b", re.IGNORECASE)
+_ITS = re.compile(  # "its my turn"
+    r"\b(it)s (?=(?:my|your|our|a|an|the|too|not|time|been|getting|still|going|ok|okay|fine|good|nice|already)\b)",
+    re.IGNORECASE,
+)
 _RHETORICAL = re.compile(  # what is said before a command or a question and asks for nothing
     rf"^\s*(?:{_HUMS}\b,?\s+)*(?:how (?:many times|often) (?:do|must|should|have) i (?:have to |need to |got to )?"
     r"(?:say|tell|ask|repeat)\b[^,.;:!?]*[,.;:!?]+"
@@ -72,7 +76,7 @@ _LONGEST = 3  # words that are said again within a clause
 
 def fluent(sentence: str) -> str:
     """Return a sentence without praise before "but", and without what its speaker begins again or takes back."""
-    sentence = _IF_SO.sub(r"if \g<so>,", sentence)
+    sentence = _IF_SO.sub(r"if \g<so>,", _ITS.sub(r"\1's ", sentence))
     sentence = _NOT_BUT.sub(r"\g<not>, ", _RHETORICAL.sub("", _PRAISE.sub("", sentence)))
     sentence = _DID_MEAN.sub(r"\1 meant", _SHOULD.sub(r"\1 would ", sentence))
     sentence = _AGAIN.sub("", _HALTED.sub("", sentence))

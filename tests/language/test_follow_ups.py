@@ -359,3 +359,72 @@ def test_out_again_and_a_clause_that_is_taken_back():
     assert asked_steps(outcome_of("put the red cube in the drawer / no. out again."))[-1] == ("take_out", RED)
     outcome = outcome_of("pick up the red cube / now into the drawer with it. or no, give it to me")
     assert asked_steps(outcome)[-1] == ("hand_over", RED)
+
+
+@pytest.mark.parametrize("them", ["between them", "right in the middle between them", "between those two"])
+def test_two_things_that_were_moved_one_after_the_other_are_them(them):
+    turns = "put the red cube in the far left corner / and the blue one in the near right corner / "
+    outcome = outcome_of(f"{turns}and the yellow one {them}")
+    assert outcome.steps[-1].object == YELLOW
+    assert abs(outcome.steps[-1].place[1]) < 0.1
+
+
+def test_the_other_one_is_that_of_two_commands_in_a_row():
+    turns = "put the red cube in the fridge / put the blue cube in the drawer / where is the blue cube / "
+    assert "red cube" in outcome_of(f"{turns}and the other one?", room(open=frozenset([DRAWER, FRIDGE]))).text
+
+
+@pytest.mark.parametrize(
+    "same", ["same thing with yellow and the fridge", "do the same for the yellow cube and the fridge"]
+)
+def test_the_same_is_done_with_another_thing_and_another_place(same):
+    outcome = outcome_of(f"open the drawer, put red in, close it again / {same}")
+    assert asked_steps(outcome) == [("open", FRIDGE), ("put_in", YELLOW), ("close", FRIDGE)]
+
+
+def test_the_same_after_an_adjustment_is_what_was_done_before_it():
+    outcome = outcome_of("put the blue cube next to the red one / a bit closer / same with the yellow one")
+    last = outcome.steps[-1]
+    assert last.object == YELLOW
+    assert abs(last.place[0] - 0.37) + abs(last.place[1] - 0.18) < 0.15
+
+
+@pytest.mark.parametrize("turn", ["no, the blue one should be on top", "the blue cube on top", "red at the bottom"])
+def test_a_tower_is_turned_round_by_what_is_to_be_on_top(turn):
+    outcome = outcome_of(f"stack red on blue / {turn}")
+    assert [(step.object, step.goal) for step in outcome.steps if step.carries] == [(RED, None), (BLUE, RED)]
+
+
+@pytest.mark.parametrize(
+    ("asked", "begins"),
+    [
+        ("did you give me the blue cube?", "Yes"),
+        ("did I have the blue one today?", "Yes"),
+        ("did you give me the red one?", "No"),
+        ("have you handed me the yellow cube?", "No"),
+    ],
+)
+def test_what_was_given_is_told(asked, begins):
+    assert outcome_of(f"give me the blue cube / {asked}").text.startswith(begins)
+
+
+def test_things_of_two_questions_change_places():
+    outcome = outcome_of(
+        "what is in the drawer and what is in the fridge? / switch them around",
+        room(inside={RED: DRAWER, BLUE: FRIDGE}, open=frozenset([DRAWER, FRIDGE])),
+    )
+    assert {(step.object, step.goal) for step in outcome.steps if step.carries and step.goal} == {
+        (RED, FRIDGE),
+        (BLUE, DRAWER),
+    }
+
+
+def test_a_tower_of_two_grows_no_higher():
+    outcome = outcome_of("stack red on blue / make the tower higher")
+    assert isinstance(outcome, Refusal)
+    assert "on top of two" in outcome.text
+
+
+@pytest.mark.parametrize("reason", ["so the butter doesn't melt", "its my turn", "so my friend can not see it"])
+def test_a_reason_after_a_command_changes_nothing(reason):
+    assert asked_steps(outcome_of(f"open the drawer, {reason}")) == [("open", DRAWER)]

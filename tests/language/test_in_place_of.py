@@ -7,6 +7,7 @@ from tests.helpers.room_cases import (
     BLUE,
     DRAWER,
     FRIDGE,
+    HAND,
     LEVER,
     RED,
     YELLOW,
@@ -30,6 +31,8 @@ STORED = "open the fridge and put the blue cube in it / "
         "put red in instead",
         "put the red one in there instead",
         "replace it with the red one",
+        "swap it for the red one",
+        "I'd rather have the red one in there",
     ],
 )
 def test_what_was_put_away_comes_out_for_what_is_preferred(turn):
@@ -42,6 +45,18 @@ def test_what_was_put_away_comes_out_for_what_is_preferred(turn):
 @pytest.mark.parametrize("turn", ["the red one too", "and red as well", "also the red one", "now red"])
 def test_one_more_thing_takes_no_place(turn):
     assert isinstance(outcome_of(STORED + turn), Refusal)
+
+
+@pytest.mark.parametrize("turn", ["swap it for the red one", "exchange it for red", "no, change that for the red cube"])
+def test_what_was_given_is_put_back_for_another_thing(turn):
+    outcome = outcome_of(f"give me the blue cube / {turn}")
+    assert [(step.object, step.goal) for step in outcome.steps if step.carries] == [(BLUE, None), (RED, HAND)]
+
+
+@pytest.mark.parametrize("turn", ["take it back", "okay, I have had enough, take it back"])
+def test_what_lies_on_the_hand_is_taken_back_whatever_was_done_since(turn):
+    outcome = outcome_of(f"give me the blue cube / open the drawer / {turn}")
+    assert [step.object for step in outcome.steps if step.carries] == [BLUE]
 
 
 def test_another_thing_goes_on_the_same_one_instead():
