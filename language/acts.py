@@ -372,12 +372,20 @@ def _spelled(asked: str) -> str:
     return " ".join(words)
 
 
+_STATING = re.compile(  # "the fridge is closed?"
+    rf"^(?:so |and |then |but )*(?P<what>(?:(?:{COLOR}) )?(?:{THING}|one)|(?:{COLOR})|it|they) (?P<be>is|are)"
+    r" (?P<how>(?:(?:not|still|now|already) )*(?:open|closed|shut|empty|full|pressed|down|on|off|in|on|inside|under"
+    r"|behind|next|left|right|there|held|free)\b[^,;:]*)$"
+)
+
+
 def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
     text = direct(text)
     asked = _OPENING.sub("", _VOCATIVE.sub("", text.rstrip(" ?.!")))
     tag = r"(?:(?<=open|shut|full)|(?<=closed)|(?<=empty)| ,) (?:right|correct|yes|no|true)$"
     asked = re.sub(tag, " , is it", asked) if text.endswith("?") else asked
+    asked = _STATING.sub(r"\g<be> \g<what> \g<how>", asked) if text.endswith("?") else asked
     asked = re.sub(r"^((?:which|what|who|where)(?: \w+)?) 's\b", r"\1 is", _EMPHASIS.sub(r"\1", _spelled(asked)))
     for form in wordings()["forms"]:
         asked = form.pattern.sub(form.replacement, asked)

@@ -245,6 +245,8 @@ class Dialogue(Conditions):
         if number > 1 and act_of([token.text for token in words]) in ("yes", "again"):
             return self._again(text, number) or self._nothing(text, "again")
         planner = self.planner(made)
+        if any(token.text == "another" for token in words):  # it is any one but that of before
+            planner.others = ()
         found = choices(words, planner, times=number)
         likely = sorted(found.readings, key=lambda reading: reading.cost)
         outcome: Outcome | None = None

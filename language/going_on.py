@@ -36,6 +36,7 @@ _ELSEWHERE = re.compile(  # "the same with X, right side"
     r"(?P<side>left|right|front|behind|other|back)"
     r"(?: hand)?(?: side)?(?:(?: of)? (?:it|that(?: one)?))?(?: this time| instead| please)*"
 )
+_NOW_THIS = re.compile(r"(?:(?:and|so|okay|ok|good|,) )*(?:now|then) (?P<what>[\w ]+?)(?: then| please| again)*")
 _BOTH_ELSE = re.compile(  # "the same with the orange one and the fridge": another thing and another place
     rf"{_IDLE}(?:do |repeat )?(?:exactly )?same(?: thing| again)? (?:with|for|using) (?P<one>[^,.;]+?)"
     r" (?:and|in|into|on|onto|with) (?P<other>[^,.;]+?)(?: please| now| too| as well)*"
@@ -208,6 +209,20 @@ class GoingOn(Corrections):
         about = tuple(i for i in things if self.now.is_loose(i) and not self.now.things[i].target)[:1]
         text = "All right, I do nothing. Say what I shall do next"
         return Answer(sentence, 1.0, (), (0, len(sentence)), about=about, text=text)
+
+    def _now_possible(self, sentence: str, text: str) -> Outcome | None:
+        """Return the plan of what was refused two turns ago, for "now the yellow one", which it was about; or None."""
+        match, turns = _NOW_THIS.fullmatch(text), self.turns[-2:]
+        if match is None or len(turns) < 2 or not isinstance(turns[1].outcome, Plan):
+            return None
+        reading = turns[0].outcome.reading if isinstance(turns[0].outcome, Refusal) else None
+        about = reading.steps[-1].entity if reading is not None else None
+        named = {i for ref in self._whole(match["what"])[1] for i in ref.things[-1:]}
+        refs = self.planner().resolver(turns[0].world, self.it).resolve(about) if about is not None else []
+        if reading is None or not refs or not {*refs[0].things[-1:]} & named:
+            return None
+        outcome = self._settle(sentence, reading)
+        return outcome if isinstance(outcome, Plan) else None
 
     def _retried(self, words: Sequence[str]) -> Outcome | None:
         """Return what comes of "now you can do it", where what was asked for before could not be done then."""

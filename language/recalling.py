@@ -66,6 +66,10 @@ _PAIR = re.compile(  # of things that were spoken of
     r"\b(?P<lead>between|swap|switch|exchange) (?:(?:them|those|these|both)(?: both| two| cubes| blocks| ones)*|two)"
     r"(?=$| [.,;!?]| (?:please|now|then|and|instead)\b)"
 )
+_BOTH = re.compile(  # "and now both back on the table"
+    r"(?:^|(?<=\band )|(?<=\bnow )|(?<=\bthen ))both(?: of them)? (?=(?:back|on|in|to|out|away|down)\b)"
+)
+_ROTATED = re.compile(r"\b(?P<verb>rotate|tilt|tip) (?:it|that|this)(?: one)?\b")
 _EXCHANGED = re.compile(
     r"\b(?:swap|exchange|trade|replace|change|switch) (?:it|that|this)(?: one)? (?:for|with|by|against)"
     r" (?P<new>[^.,;!?]+)"
@@ -110,7 +114,7 @@ class Recollections(Memory):
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
         found_by = self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand
-        for find in (*found_by, self._by_pair, self._by_exchange):
+        for find in (*found_by, self._by_pair, self._by_exchange, self._by_rotation):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
                 first, last = (match.string[:end].count(" ") for end in (match.start(), match.end() - 1))
@@ -270,11 +274,12 @@ class Recollections(Memory):
         text, world, planner = text_of(scan(sentence)), self.now, self.planner()
         if sum(world.is_loose(i) for i in self.it) > 1:
             return
-        for match in _PAIR.finditer(text):
+        for match in (*_PAIR.finditer(text), *_BOTH.finditer(text)):
             spoken = [i for i in dict.fromkeys((*planner.carried, *planner.recent)) if world.is_loose(i)]
             others = [i for i in spoken if not re.search(rf"\b{world.things[i].color}\b", text)]
             if len(others) > 1:
-                yield match, f"{match['lead']} {listed([name(world, i) for i in others[:2]])}"
+                lead = f"{match['lead']} " if match.re is _PAIR else "put "
+                yield match, f"{lead}{listed([name(world, i) for i in others[:2]])}"
 
     def _by_exchange(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "swap it for X" of a thing on the hand or in a container: X gets there in its place."""
@@ -290,6 +295,12 @@ class Recollections(Memory):
             else:
                 place = name(world, box)
                 yield match, f"take {name(world, old)} out of {place} and put {match['new']} in {place}"
+
+    def _by_rotation(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "rotate it" of a loose thing, which no device is meant by."""
+        for match in _ROTATED.finditer(text_of(scan(sentence))):
+            if self.it and self.now.is_loose(self.it[0]):
+                yield match, f"{match['verb']} {name(self.now, self.it[0])}"
 
     def _whole(self, text: str) -> tuple[Entity | None, list[Ref]]:
         """Return the phrase to which all of some words belong, and its referents; None and [] of other words."""

@@ -16,7 +16,7 @@ from language.objects import DEVICES
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
-from language.revising import filled, is_unshown, restoring, revised, selecting, without_detours
+from language.revising import filled, further, is_unshown, restoring, revised, selecting, without_detours
 from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
@@ -71,6 +71,11 @@ _ONE_MORE = re.compile(  # of a tower: "and another one on top", "make it higher
     r" (?:(?:even|a bit|a little|still|one \w+) )*(?:higher|taller))"
     r"(?: as well| too| please| now)*"
 )
+_BY = re.compile(  # "2 cm more"
+    r"(?:(?:and|now|no|okay|ok|but|please|,) )*(?:another )?(?P<length>(?:\d+(?:[.,]\d+)?|\w+)"
+    r" (?:cms?|centimet\w+|mm|millimet\w+|inch(?:es)?))(?: more| further| again)?(?: please)?"
+)
+_WAYS = {"left": "to the left", "right": "to the right", "forward": "forward", "backward": "backward"}
 _OF_BOXES = re.compile(  # "in the closed one"
     r"\b(?:in|into|inside) ((?:(?P<open>open|opened)|closed|shut) (?:one|container|box)\b)"
 )
@@ -266,7 +271,8 @@ class Replies(Recollections):
 
         text: the words of the sentence.
         """
-        if (place := self._opposite_corner(text) or self._far_side(text) or self._told_apart(text)) is not None:
+        place = self._opposite_corner(text) or self._far_side(text) or self._told_apart(text) or self._farther_by(text)
+        if place is not None:
             return place
         match = _LEVEL.match(text)
         last = self.last.steps[-1] if self.last is not None else None
@@ -305,6 +311,14 @@ class Replies(Recollections):
         match = found[0]
         meant = towers[0][0] if match["low"] else towers[0][-1]
         return f"{text[: match.start()]}{name(world, meant)}{text[match.end() :]}"
+
+    def _farther_by(self, text: str) -> str | None:
+        """Return plain words for "2 cm more" after something was moved to one side, or None."""
+        match, done = _BY.fullmatch(text), self.done()
+        reading = done.outcome.reading if done is not None and isinstance(done.outcome, Plan) else None
+        places = further(reading).steps[-1].places if reading is not None else ()
+        side = places[0].value if places and places[0].name == "direction" else None
+        return f"move it {match['length']} {_WAYS[side]}" if match and side in _WAYS else None
 
     def _one_more(self) -> str | None:
         """Return plain words that put a further thing on the tower that was built last, or None."""

@@ -6,6 +6,7 @@ It is the cheapest plan that can be carried out, unless another one is about as 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from language.spots import pinned
 from language.steps import Draft, allows, reached
 from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
+from language.words import UNRELATED
 from language.world import WorldModel
 
 _BEGINS = (".", "!", ";", ",", "and", "then", "please")  # a verb may follow
@@ -558,7 +560,9 @@ def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
     strange = _typed(sentence, lattice, [i for i in sorted(lattice.unknown) if words[i] not in PLAIN])
     if strange:
         many = f"I do not know the words {' '.join(strange[:5])!r}"
-        text = _below(words) or (f"I do not know the word {strange[0]!r}" if len(strange) == 1 else many)
+        named = strange[0] in UNRELATED and re.search(rf"\b(?:the|an?|my|your) {strange[0]}\b", sentence.lower())
+        one = f"there is no {strange[0]} here" if named else f"I do not know the word {strange[0]!r}"
+        text = _below(words) or (one if len(strange) == 1 else many)
     else:
         what = f"which thing to {world.only}" if world.only else "what to take and where to put it"
         text = f"I do not see what I shall do about '{' '.join(words[:12])}'; say {what}"

@@ -44,7 +44,9 @@ class Several(Movers):
         clause, orders = without_orders(clause)
         things = self._several(plan, clause, replace(entity, every=entity.every or entity.is_bare_plural))
         if isinstance(things, Draft):
-            return things
+            lifts = clause.act in (Act.TAKE, Act.HOLD) and not clause.places and plan.world.held is None
+            one = lifts and (entity.number or 0) > 1 and things.reason == "several"
+            return replace(things, failure=GRIPS_ONE, reason="impossible", candidates=()) if one else things
         act, before = clause.act, len(plan.steps)
         if act in (Act.TAKE, Act.HOLD) and not clause.places and len(things) > 1 and plan.world.held is None:
             stacked = [i for i in things if plan.world.below[i] is not None]
@@ -387,7 +389,7 @@ class Several(Movers):
         """Return the tower that is there, the lowest first, or the one that was taken apart last."""
         world = plan.world
         towers = [list(tower) for tower in towers_of(world, range(len(world.things)))]
-        below = {index: under for index, (_, _, under) in self.rests.items() if under is not None}
+        below = {i: under for i, (_, _, under) in self.rests.items() if under is not None and world.is_loose(under)}
         for base in set(below.values()) - set(below):  # a tower has a lowest thing, so that no cycle is followed
             towers.append([base])
             while (upper := next((i for i, under in below.items() if under == towers[-1][-1]), None)) is not None:

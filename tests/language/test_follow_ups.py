@@ -428,3 +428,54 @@ def test_a_tower_of_two_grows_no_higher():
 @pytest.mark.parametrize("reason", ["so the butter doesn't melt", "its my turn", "so my friend can not see it"])
 def test_a_reason_after_a_command_changes_nothing(reason):
     assert asked_steps(outcome_of(f"open the drawer, {reason}")) == [("open", DRAWER)]
+
+
+@pytest.mark.parametrize("them", ["put them on top of each other", "stack them", "make a tower of them"])
+def test_what_was_taken_out_is_stacked_without_the_containers(them):
+    world = room(inside={RED: DRAWER, YELLOW: FRIDGE}, open=frozenset([DRAWER, FRIDGE]))
+    outcome = outcome_of(f"take the red cube and the yellow cube out / {them}", world)
+    assert {frozenset([s.object, s.goal]) for s in outcome.steps if s.carries and s.goal is not None} == {
+        frozenset([RED, YELLOW])
+    }
+
+
+def test_both_are_the_things_of_two_commands_in_a_row():
+    outcome = outcome_of("put red in the drawer / put blue in the fridge / and now both back on the table")
+    assert set(moved(outcome)) == {"red", "blue"}
+
+
+@pytest.mark.parametrize("farther", ["1 cm more", "another 1 cm", "and 1 cm further"])
+def test_a_length_more_goes_on_to_the_same_side(farther):
+    less = left_of(outcome_of("move the yellow cube 3 cm to the left"))
+    assert left_of(outcome_of(f"move the yellow cube 3 cm to the left / {farther}")) == pytest.approx(
+        less + 0.01, abs=5e-3
+    )
+
+
+def test_what_was_refused_is_done_once_there_is_room():
+    turns = "give me the red cube / the yellow one too / take the red one back / now the yellow one"
+    assert asked_steps(outcome_of(turns)) == [("hand_over", YELLOW)]
+
+
+def test_another_thing_is_not_the_one_below_it():
+    outcome = outcome_of("stack red on yellow / and another one on blue", larger_room())
+    assert not {RED, YELLOW} & {step.object for step in outcome.steps}
+
+
+@pytest.mark.parametrize("asked", ["the fridge is closed?", "so the red cube is in the drawer?"])
+def test_a_statement_with_a_question_mark_asks(asked):
+    assert isinstance(outcome_of(asked), Answer)
+
+
+def test_two_things_are_not_lifted_at_once():
+    assert "one thing at a time" in outcome_of("lift two cubes at the same time").text
+
+
+def test_a_loose_thing_that_was_spoken_of_is_not_rotated():
+    outcome = outcome_of("move the yellow cube to the left / rotate it a little")
+    assert isinstance(outcome, Refusal)
+    assert "yellow cube" in outcome.text
+
+
+def test_a_common_thing_that_is_not_here_is_told_as_missing():
+    assert "no lamp here" in outcome_of("and please the lamp make on").text
