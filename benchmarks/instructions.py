@@ -18,12 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.instruction_scoring import CLASSES, judge, verb_of
-from core.safe_files import read_yaml
+from core.errors import ConfigError, did_you_mean
+from core.safe_files import FileError, read_yaml
 from language import Answer, Dialogue, Object, Outcome, Plan, Question, Refusal, Scene, Signal, Step, WorldModel, table
 from language.scene_file import read_world
 from language.verbs import KNOWN, ROOM, VERBS, bringing
 
 STEPS = {"take": bringing("up"), "place": bringing("goal"), "rotate": next(v for v in VERBS if "rotate" in v)}
+NEEDED = ("id", "say", "expect")  # keys of a sentence
 MAX_BYTES, MAX_NODES = 256 * 1024, 50_000
 
 
@@ -205,6 +207,30 @@ def sets_of(path: Path, ending: str = ".jsonl") -> list[Path]:
     return [path] if path.is_file() else sorted(path.glob(f"*{ending}"))
 
 
+def read_set(path: Path) -> list[dict[str, Any]]:
+    """Returns the sentences of a set. Raises ConfigError, which names a line that cannot be said in its scene."""
+    items = []
+    for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
+        where = f"{path}, line {number}"
+        if not line.strip():
+            continue
+        try:
+            item = json.loads(line)
+        except ValueError as error:
+            raise ConfigError(f"{where} is not JSON: {error}") from None
+        if missing := [key for key in NEEDED if not isinstance(item, dict) or key not in item]:
+            raise ConfigError(f"{where} lacks {', '.join(missing)}")
+        scene = path.parent / item.get("scene", "room.yaml")
+        try:
+            states = read_scene(scene).get("states") or {}
+        except FileError as error:
+            raise ConfigError(f"{where}: its scene {scene} {error}") from None
+        if states and item.get("state", next(iter(states))) not in states:
+            raise ConfigError(f"{where}: state={item['state']} is not in {scene}" + did_you_mean(item["state"], states))
+        items.append(item)
+    return items
+
+
 def main() -> int:
     """Prints how many expectations each group meets, and how its outcomes are judged."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -218,28 +244,26 @@ def main() -> int:
     if not files:
         print(f"error: --data {args.data}: no such file, and no folder with *.jsonl", file=sys.stderr)
         return 2
+    try:
+        items = [(item, path.parent) for path in files for item in read_set(path)]
+    except ConfigError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     runner, answers = SetRunner(), []
-    for path in files:
-        for line in path.read_text("utf-8").splitlines():
-            if not line.strip():
-                continue
-            item = json.loads(line)
-            try:
-                answer, scene = runner.answer(item, path.parent)
-            except Exception as error:  # a defect in one sentence must not hide the result of the others
-                answer, scene = (
-                    {"id": item["id"], "outcome": "exception", "text": repr(error)},
-                    read_scene(path.parent / item.get("scene", "room.yaml")),
-                )
-            answers.append(answer)
-            kind, met, note = (
-                judge(item, answer, scene) if answer["outcome"] != "exception" else ("wrong", False, answer["text"])
-            )
-            for key in (str(item.get(args.by)), "total"):
-                counts[key].update({"n": 1, "met": int(met), kind: 1})
-            if args.errors and not met:
-                print(f"{item['id']} [{kind}] {item['say']!r} expected {json.dumps(item['expect'])} got: {note}")
+    for item, folder in items:
+        try:
+            answer, scene = runner.answer(item, folder)
+        except Exception as error:  # a defect in one sentence must not hide the result of the others
+            answer = {"id": item["id"], "outcome": "exception", "text": repr(error)}
+            scene = read_scene(folder / item.get("scene", "room.yaml"))
+        answers.append(answer)
+        failed = answer["outcome"] == "exception"
+        kind, met, note = ("wrong", False, answer["text"]) if failed else judge(item, answer, scene)
+        for key in (str(item.get(args.by)), "total"):
+            counts[key].update({"n": 1, "met": int(met), kind: 1})
+        if args.errors and not met:
+            print(f"{item['id']} [{kind}] {item['say']!r} expected {json.dumps(item['expect'])} got: {note}")
     if args.answers:
         args.answers.write_text("".join(json.dumps(answer) + "\n" for answer in answers))
     _print(counts, args.by, args.json)

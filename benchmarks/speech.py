@@ -1,5 +1,6 @@
 """Spoken instructions: how many words and plans are right where synthesised voices say what scenes' scripts ask for.
 
+    pip install ttspico                            # two of the voices; it is compiled
     python -m benchmarks.speech                    # 200 instructions, each by three voices
     python -m benchmarks.speech --snr 20           # with white noise, 20 dB below the voice
     python -m benchmarks.speech --errors           # also what was heard instead

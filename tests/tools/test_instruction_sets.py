@@ -19,3 +19,22 @@ def test_the_own_sets_are_understood_as_well_as_when_they_were_measured():
     assert total["met"] >= 0.88 * total["n"]
     assert total["wrong"] <= 0.01 * total["n"]
     assert total["refused unhelpfully"] <= 0.02 * total["n"]
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ('{"id": 1', "line 1 is not JSON"),
+        ('{"id": "a", "state": "A"}', "line 1 lacks say, expect"),
+        ('{"id": "a", "state": "Q", "say": "stop", "expect": []}', "state=Q is not in"),
+        ('{"id": "a", "scene": "none.yaml", "say": "stop", "expect": []}', "none.yaml cannot be read"),
+    ],
+)
+def test_a_set_that_cannot_be_said_is_refused_in_one_line(tmp_path, line, told):
+    (tmp_path / "room.yaml").write_bytes((ROOT / "benchmarks" / "sets" / "room.yaml").read_bytes())
+    (tmp_path / "own.jsonl").write_text(line)
+    command = [sys.executable, "-m", "benchmarks.instructions", "--data", str(tmp_path / "own.jsonl")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert len(done.stderr.splitlines()) == 1
