@@ -40,6 +40,7 @@ _POLITE = (  # what only asks kindly
     r"|(?:that|it|this) is (?:okay|fine|alright|all right|possible|convenient|no (?:trouble|bother|problem)|not too)"
     r")\b"
 )
+_NONE_INSIDE = re.compile(r"\bthere is (?:nothing|no (?:cube|thing|one)) (?:inside|in (?:it|there))(?: yet)?")
 _NOTHING = re.compile(  # "otherwise leave it alone"
     r"(?:just |please |then )*(?:(?:leave|let|keep) (?:it|them|that|this|everything)"
     r"(?: alone| be| as (?:it|they) (?:is|are)| (?:open|closed|shut|there|so)| where (?:it|they) (?:is|are))*"
@@ -283,7 +284,8 @@ class Conditions(GoingOn):
         trial, notes = self.copy(), []
         left: tuple[str, ...] = ()
         plain = plain_start(sentence).replace(" 's ", " is ")
-        plain = _TELL_IF.sub("", plain)
+        plain = re.sub(r"(?: ,)? but (?=only (?:if|when)\b)", " ", _TELL_IF.sub("", plain))
+        plain = _NONE_INSIDE.sub(f"{'it' if self.box is None else name(self.now, self.box)} is empty", plain)
         text = trial._without_lead(_IF_SO.sub(r"\1 , then", plain))
         for number in range(MOST):
             found = conditional(text)

@@ -42,6 +42,7 @@ _CONTRASTS = (
     re.compile(rf"^{_LEAD}not {_OLD} (?:, but|,|but) {_NEW}{_REST}"),
     re.compile(rf"^(?=.*\b{_SAID}\b){_LEAD}{_NEW}(?: (?:, )?{_SAID})?{_REST}"),
     re.compile(rf"^no (?:, )?{_NEW}$"),
+    re.compile(rf"^{_LEAD}{_NEW} (?:would|might) (?:be|have been) (?:better|nicer)(?: instead)?$"),
 )
 _SAME_AFTER = re.compile(
     r"(?P<first>.+?)(?:\W+(?:and|then|after that|afterwards|finally|also))*[\s,.;]+(?:do |repeat )?(?:exactly )?"
@@ -94,7 +95,9 @@ class Corrections(Replies):
         if match is None or last is None or self.now.cells:
             return None
         said = match.groupdict()
-        meant = _with_words(last.sentence, said["new"], said.get("old") or "")
+        several = re.search(r"\b(?:and|then)\b|[,.;]", last.sentence.rstrip(" .!"))
+        meant = self._in_other_box(last.sentence, said["new"]) if several else None
+        meant = meant or _with_words(last.sentence, said["new"], said.get("old") or "")
         if meant is None:
             return None
         again = f"{said['new']} {said['rest']}" if said.get("rest") else meant
@@ -106,6 +109,17 @@ class Corrections(Replies):
         if isinstance(last.outcome, Plan):
             outcome = self.copy()._answer(again, ())
         return replace(outcome, sentence=sentence) if isinstance(outcome, Plan | Question) else None
+
+    def _in_other_box(self, sentence: str, new: str) -> str | None:
+        """Return a sentence with a container in place of the only other one that it names, or None.
+
+        new: the words that may name the container.
+        """
+        words = [token.text for token in scan(sentence)]
+        kinds = {self.now.things[i].kind for i in self.now.containers}
+        named = next((kind for kind in kinds if re.fullmatch(rf"(?:(?:in|into) )?(?:{COLOR} )?{kind}", new)), None)
+        others = kinds & {*words} - {named}
+        return " ".join(named if word in others else word for word in words) if named and len(others) == 1 else None
 
     def _chosen_by_wish(self, text: str, made: tuple) -> Outcome | None:
         """Return what comes of an answer that is said as a wish: "I want the red one", where one of some was asked for.
@@ -250,9 +264,10 @@ class Corrections(Replies):
         if back is None:
             return None
         moved = next((s for s in reversed(getattr(done.outcome, "steps", ())) if s.place is not None), None)
-        if "half" in words and moved is not None and moved.place is not None:
-            start = done.world.things[moved.object]
-            half = Measure(0.5 * math.dist((start.x, start.y), moved.place), "1")
+        start = done.world.things[moved.object] if moved is not None else None
+        went = math.dist((start.x, start.y), moved.place) if start and moved and moved.place else math.inf
+        if went < math.inf and ("half" in words or went < 1.5 * self.now.little):  # it went but a bit
+            half = Measure(0.5 * went, "1")
             clause = back.steps[-1]
             back = Reading((replace(clause, places=tuple(replace(each, measure=half) for each in clause.places)),))
         return self._settle(sentence, back)
@@ -264,6 +279,9 @@ class Corrections(Replies):
         before = self.last if isinstance(last, Refusal) and refused else getattr(done and done.outcome, "reading", None)
         if before is None or (refused and getattr(last, "reading", None) is not self.last):
             return None
+        stored = [i for i in self._carried()[:2] if self.now.inside.get(i) in self.now.containers]
+        if len(stored) == 2 and not refused:
+            return self._command(f"swap {name(self.now, stored[0])} and {name(self.now, stored[1])}", ())
         if (other := _other_side(before.steps[-1])) is not None:  # "no, the other left"
             return self._tried(sentence, [Reading((*before.steps[:-1], other))], restore=True)
         beside = {place.name for place in before.steps[-1].places} & {*SIDEWAYS, "near", "direction"}

@@ -148,6 +148,7 @@ class GoingOn(Corrections):
             return None
         things = self.now.things
         new = [self._things(match[each])[:1] for each in ("one", "other")]
+        new = sorted(new, key=lambda found: not (found and self.now.is_loose(found[0])))  # what moves is first
         command = done.sentence.lower()
         for was, (now, *_) in zip(put[-1], new, strict=True) if all(new) else ():
             phrase_of = rf"\b{things[was].kind}\b" if was in self.now.containers else rf"\b{things[was].color}\b"

@@ -69,6 +69,9 @@ _PAIR = re.compile(  # of things that were spoken of
 _BOTH = re.compile(  # "and now both back on the table"
     r"(?:^|(?<=\band )|(?<=\bnow )|(?<=\bthen ))both(?: of them)? (?=(?:back|on|in|to|out|away|down)\b)"
 )
+_SHUT_IT = re.compile(
+    r"^(?:(?:and|ok|okay|now|then|please|good|great|,) )*(?P<verb>open|close|shut) (?:it|that)(?= up| now| please|$)"
+)
 _ROTATED = re.compile(r"\b(?P<verb>rotate|tilt|tip) (?:it|that|this)(?: one)?\b")
 _EXCHANGED = re.compile(
     r"\b(?:swap|exchange|trade|replace|change|switch) (?:it|that|this)(?: one)? (?:for|with|by|against)"
@@ -114,7 +117,7 @@ class Recollections(Memory):
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
         found_by = self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand
-        for find in (*found_by, self._by_pair, self._by_exchange, self._by_rotation):
+        for find in (*found_by, self._by_pair, self._by_exchange, self._by_state, self._by_rotation):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
                 first, last = (match.string[:end].count(" ") for end in (match.start(), match.end() - 1))
@@ -295,6 +298,15 @@ class Recollections(Memory):
             else:
                 place = name(world, box)
                 yield match, f"take {name(world, old)} out of {place} and put {match['new']} in {place}"
+
+    def _by_state(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "close it", where the container that was spoken of last is closed, and the one before it is open."""
+        world, match = self.now, _SHUT_IT.match(text_of(scan(sentence.rstrip(" .!"))))
+        last = [i for i in self.planner().recent if i in world.containers][:2]
+        if match and len(last) == 2 and self.box == last[0]:
+            done = [(i in world.open) == (match["verb"] == "open") for i in last]
+            if done == [True, False]:
+                yield match, f"{match['verb']} {name(world, last[1])}"
 
     def _by_rotation(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "rotate it" of a loose thing, which no device is meant by."""

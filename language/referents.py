@@ -460,11 +460,7 @@ class Resolver:
                 refs = self._former_stacks(entity) or heads(self.world, entity)
                 rest = set(self.mentioned) if entity.other else set()
                 kept = [ref for ref in refs if not rest & set(ref.things)]
-                meant = (
-                    [ref for ref in kept if set(self.others) & set(ref.things)]
-                    if entity.other and not entity.any
-                    else []
-                )
+                meant = [r for r in kept if set(self.others) & set(r.things)] if entity.other and not entity.any else []
                 self._heads[key] = meant if meant and not entity.number and not entity.plural else kept
         return self._heads[key]
 

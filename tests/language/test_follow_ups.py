@@ -479,3 +479,47 @@ def test_a_loose_thing_that_was_spoken_of_is_not_rotated():
 
 def test_a_common_thing_that_is_not_here_is_told_as_missing():
     assert "no lamp here" in outcome_of("and please the lamp make on").text
+
+
+@pytest.mark.parametrize("turn", ["actually the drawer would be better", "no, the drawer", "I said the drawer"])
+def test_another_container_takes_the_place_of_the_first_in_all_steps(turn):
+    outcome = outcome_of(f"put the red cube in the fridge and shut it / {turn}")
+    assert (RED, DRAWER) in [(step.object, step.goal) for step in outcome.steps if step.carries]
+    assert asked_steps(outcome)[-1] == ("close", DRAWER)
+
+
+def test_it_is_the_container_that_can_still_be_closed():
+    assert asked_steps(outcome_of("open the drawer / open the fridge / close the fridge / ok close it")) == [
+        ("close", DRAWER)
+    ]
+
+
+def test_things_in_two_containers_change_places_the_other_way_round():
+    outcome = outcome_of("put red in the fridge / and the blue one in the drawer / oh sorry, it's the other way round")
+    assert [(s.object, s.goal) for s in outcome.steps if s.carries and s.goal is not None][-2:] in (
+        [(RED, DRAWER), (BLUE, FRIDGE)],
+        [(BLUE, FRIDGE), (RED, DRAWER)],
+    )
+
+
+def test_a_bit_that_was_too_much_is_half_taken_back():
+    assert 0.005 < left_of(outcome_of("move the yellow cube a bit to the left / not that much")) < 0.035
+
+
+@pytest.mark.parametrize("words", ["build a tower", "can you build a tower?", "make me a nice tower please"])
+def test_a_tower_of_whatever_is_one_of_two_things(words):
+    assert [step.verb for step in outcome_of(words).steps if step.carries] == ["stack"]
+
+
+def test_what_was_opened_or_closed_is_told():
+    assert outcome_of("did you close the drawer?").text.startswith("No")
+    assert outcome_of("open the drawer / did you open the drawer?").text.startswith("Yes")
+
+
+def test_a_condition_after_but_is_weighed():
+    assert asked_steps(outcome_of("open the drawer, but only if the fridge is closed")) == [("open", DRAWER)]
+
+
+@pytest.mark.parametrize("asked", ["how many things can I put in the drawer?", "could the drawer take all cubes?"])
+def test_how_much_a_container_takes_is_told(asked):
+    assert "one thing" in outcome_of(asked).text
