@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections import Counter, defaultdict
 from functools import cache, reduce
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 
 from benchmarks.instruction_scoring import CLASSES, judge, verb_of
 from core.errors import ConfigError, did_you_mean
+from core.program import program
 from core.safe_files import FileError, read_yaml
 from language import Answer, Dialogue, Object, Outcome, Plan, Question, Refusal, Scene, Signal, Step, WorldModel, table
 from language.scene_file import read_world
@@ -231,8 +231,8 @@ def read_set(path: Path) -> list[dict[str, Any]]:
     return items
 
 
-def main() -> int:
-    """Prints how many expectations each group meets, and how its outcomes are judged."""
+def main() -> None:
+    """Prints how many expectations each group meets, and how its outcomes are judged. Raises ConfigError."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--data", type=Path, required=True, help="a set, or a folder of sets, beside its scene")
     parser.add_argument("--errors", action="store_true", help="list the sentences that meet no expectation")
@@ -242,13 +242,8 @@ def main() -> int:
     args = parser.parse_args()
     files = sets_of(args.data)
     if not files:
-        print(f"error: --data {args.data}: no such file, and no folder with *.jsonl", file=sys.stderr)
-        return 2
-    try:
-        items = [(item, path.parent) for path in files for item in read_set(path)]
-    except ConfigError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+        raise ConfigError(f"--data {args.data}: no such file, and no folder with *.jsonl")
+    items = [(item, path.parent) for path in files for item in read_set(path)]
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     runner, answers = SetRunner(), []
     for item, folder in items:
@@ -267,7 +262,6 @@ def main() -> int:
     if args.answers:
         args.answers.write_text("".join(json.dumps(answer) + "\n" for answer in answers))
     _print(counts, args.by, args.json)
-    return 0
 
 
 def _print(counts: dict[str, Counter[str]], by: str, as_json: bool) -> None:
@@ -286,4 +280,5 @@ def _json(each: Counter[str]) -> dict[str, int]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    with program(2):
+        main()

@@ -374,7 +374,7 @@ def _spelled(asked: str) -> str:
 
 _STATING = re.compile(  # "the fridge is closed?"
     rf"^(?:so |and |then |but )*(?P<what>(?:(?:{COLOR}) )?(?:{THING}|one)|(?:{COLOR})|it|they) (?P<be>is|are)"
-    r" (?P<how>(?:(?:not|still|now|already) )*(?:open|closed|shut|empty|full|pressed|down|on|off|in|on|inside|under"
+    r" (?P<how>(?:(?:not|still|now|already) )*(?:open|closed|shut|empty|full|pressed|down|on|off|in|inside|under"
     r"|behind|next|left|right|there|held|free)\b[^,;:]*)$"
 )
 

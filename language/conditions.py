@@ -285,7 +285,7 @@ class Conditions(GoingOn):
         left: tuple[str, ...] = ()
         plain = plain_start(sentence).replace(" 's ", " is ")
         plain = re.sub(r"(?: ,)? but (?=only (?:if|when)\b)", " ", _TELL_IF.sub("", plain))
-        plain = _NONE_INSIDE.sub(f"{'it' if self.box is None else name(self.now, self.box)} is empty", plain)
+        plain = _NONE_INSIDE.sub(lambda _: f"{'it' if self.box is None else name(self.now, self.box)} is empty", plain)
         text = trial._without_lead(_IF_SO.sub(r"\1 , then", plain))
         for number in range(MOST):
             found = conditional(text)

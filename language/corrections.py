@@ -264,12 +264,12 @@ class Corrections(Replies):
         if back is None:
             return None
         moved = next((s for s in reversed(getattr(done.outcome, "steps", ())) if s.place is not None), None)
-        start = done.world.things[moved.object] if moved is not None else None
-        went = math.dist((start.x, start.y), moved.place) if start and moved and moved.place else math.inf
-        if went < math.inf and ("half" in words or went < 1.5 * self.now.little):  # it went but a bit
-            half = Measure(0.5 * went, "1")
-            clause = back.steps[-1]
-            back = Reading((replace(clause, places=tuple(replace(each, measure=half) for each in clause.places)),))
+        if moved is not None and moved.place is not None:
+            start = done.world.things[moved.object]
+            went, clause = math.dist((start.x, start.y), moved.place), back.steps[-1]
+            if "half" in words or went < 1.5 * self.now.little:  # it went but a bit
+                half = Measure(0.5 * went, "1")
+                back = Reading((replace(clause, places=tuple(replace(each, measure=half) for each in clause.places)),))
         return self._settle(sentence, back)
 
     def _turned_round(self, sentence: str) -> Outcome | None:

@@ -148,15 +148,17 @@ class GoingOn(Corrections):
             return None
         things = self.now.things
         new = [self._things(match[each])[:1] for each in ("one", "other")]
-        new = sorted(new, key=lambda found: not (found and self.now.is_loose(found[0])))  # what moves is first
+        if not all(new):
+            return None
+        new.sort(key=lambda found: not self.now.is_loose(found[0]))  # what moves is first
         command = done.sentence.lower()
-        for was, (now, *_) in zip(put[-1], new, strict=True) if all(new) else ():
+        for was, (now,) in zip(put[-1], new, strict=True):
             phrase_of = rf"\b{things[was].kind}\b" if was in self.now.containers else rf"\b{things[was].color}\b"
             word = things[now].kind if was in self.now.containers else things[now].color
             command, found = re.subn(phrase_of, word, command)
             if not found or self.now.is_loose(was) != self.now.is_loose(now):
                 return None
-        return self.copy()._answer(command, ()) if all(new) else None
+        return self.copy()._answer(command, ())
 
     def _fits(self, entity: Entity) -> bool:
         return any(ref.things for ref in self.planner().resolver(self.now, ()).resolve(entity))

@@ -116,8 +116,9 @@ class Recollections(Memory):
         places: list[tuple[int, Gesture]] = []
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
-        found_by = self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand
-        for find in (*found_by, self._by_pair, self._by_exchange, self._by_state, self._by_rotation):
+        of_things = self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand
+        of_commands = self._by_pair, self._by_exchange, self._by_state, self._by_rotation
+        for find in (*of_things, *of_commands):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
                 first, last = (match.string[:end].count(" ") for end in (match.start(), match.end() - 1))
@@ -274,10 +275,11 @@ class Recollections(Memory):
 
     def _by_pair(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "between them", if less than two things are "them": the two that were moved or spoken of last."""
-        text, world, planner = text_of(scan(sentence)), self.now, self.planner()
+        text, world = text_of(scan(sentence)), self.now
         if sum(world.is_loose(i) for i in self.it) > 1:
             return
         for match in (*_PAIR.finditer(text), *_BOTH.finditer(text)):
+            planner = self.planner()
             spoken = [i for i in dict.fromkeys((*planner.carried, *planner.recent)) if world.is_loose(i)]
             others = [i for i in spoken if not re.search(rf"\b{world.things[i].color}\b", text)]
             if len(others) > 1:
@@ -302,7 +304,7 @@ class Recollections(Memory):
     def _by_state(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
         """Yield "close it", where the container that was spoken of last is closed, and the one before it is open."""
         world, match = self.now, _SHUT_IT.match(text_of(scan(sentence.rstrip(" .!"))))
-        last = [i for i in self.planner().recent if i in world.containers][:2]
+        last = [i for i in self.planner().recent if i in world.containers][:2] if match else []
         if match and len(last) == 2 and self.box == last[0]:
             done = [(i in world.open) == (match["verb"] == "open") for i in last]
             if done == [True, False]:

@@ -282,11 +282,10 @@ class Replies(Recollections):
         pair = next((tower for tower in towers_of(self.now, self.it) if len(tower) == 2), None)
         if pair is not None and any(set(pair) & {*ref.things} for ref in named):
             under, over = pair
-            there = any(
-                ref.things[-1:] == (under if match["level"].endswith(("bottom", "base")) else over,) for ref in named
-            )
-            upper, lower = (name(self.now, i) for i in ((over, under) if there else (under, over)))
-            return f"put {upper} on {lower}"
+            asked = under if match["level"].endswith(("bottom", "base")) else over
+            stays = any(ref.things[-1:] == (asked,) for ref in named)
+            upper, lower = (over, under) if stays else (under, over)
+            return f"put {name(self.now, upper)} on {name(self.now, lower)}"
         if last.act is not Act.BUILD or self.now.flat_only:
             return None
         if self.it and not any(ref.things[-1] in self.it for ref in named if ref.things):  # the tower grows
