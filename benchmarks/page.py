@@ -214,6 +214,7 @@ def clients(args: argparse.Namespace) -> dict[str, Any]:
 
     with PageClient(server.address) as person:
         person.wait_until_ready()
+        _load_everything(person)
         visits(0, AT_ONCE, 1)
         before = server.megabytes()
         closed = visits(AT_ONCE, args.count, 1) + visits(AT_ONCE + args.count, AT_ONCE, AT_ONCE)
@@ -233,6 +234,18 @@ def clients(args: argparse.Namespace) -> dict[str, Any]:
         "grew": grew,
         **_failures(server, errors),
     }
+
+
+def _load_everything(person: PageClient) -> None:
+    """Use what is loaded at its first use: the network that sees, a policy beside the expert, writers of data sets."""
+    for name in ("looks", "compares"):
+        person.send("flag", name=name, value=True)
+    person.say_and_wait(f"reach {person.names()[0]}")
+    for kind in ("lerobot", "minari"):
+        person.send("export", kind=kind)
+    person.listen(SETTLED)
+    for name in ("looks", "compares"):
+        person.send("flag", name=name, value=False)
 
 
 def _failures(server: PlayServer, errors: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from language.lattice import STRANGERS, spellings, undoubled, vocabulary
 from language.normalise import plain_start, wordings
 from language.remarks import command, is_chat
 from language.scanning import COLOR, MARKS, THING, Token, scan, text_of, verb_words
-from language.signalling import PLACES, STARTING, plainest
+from language.signalling import BETTER_BEFORE, PLACES, STARTING, plainest
 from language.words import CONTROLS, FILLERS, TABLE, names, phrases
 
 _JOINS = (",", "and", "then", ";")
@@ -99,6 +99,8 @@ def act_of(words: Sequence[str]) -> str | None:
         if act in SIGNALS:
             return "continue" if act in ("stop", "wait", "continue") else "social"
         return None if (act := _act_of(tuple(words))) in SIGNALS and act != "stop" else act
+    if BETTER_BEFORE.match(said):
+        return "undo"
     if (act := _act_of(tuple(words))) is not None or len(words) > MOST_OF_SIGNAL:
         return act
     act = _act_of(tuple(plain.split())) if (plain := plainest(said)) != said else None
@@ -418,7 +420,7 @@ SAME = re.compile(
     r"(?: thing| again| once more| distance| amount| move| movement| shift| displacement)*(?: ,)?(?: but)? "
     r"(?:with|for|to|using|goes for)|(?:do |repeat )?(?:exactly )?same(?: thing| again| once more)*(?: [,:]| but)+"
     r"|(?:and )?(?:once )?(?:again|more) (?:but )?(?:with|for)"
-    r"|how about|what about|also) | (?:as well|too|also|likewise|(?:in )?same way"
+    r"|how about|what about|also) | (?:(?:as well|too|also)(?: then| now)?|likewise|(?:in )?same way"
     r"|(?:, )?(?:and )?(?:do )?(?:exactly )?same(?: thing| again| once more| direction| (?:with|for) it)*)$"
 )
 _PROPOSED = re.compile(

@@ -185,6 +185,7 @@ class Conditions(GoingOn):
             found
             or self._same_elsewhere(sentence, text)
             or self._same_with_both(text)
+            or self._like_before(text)
             or self._now_possible(sentence, text)
             or self._meant_first(sentence, text)
             or self._of_those(sentence, made)

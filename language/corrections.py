@@ -43,6 +43,7 @@ _CONTRASTS = (
     re.compile(rf"^(?=.*\b{_SAID}\b){_LEAD}{_NEW}(?: (?:, )?{_SAID})?{_REST}"),
     re.compile(rf"^no (?:, )?{_NEW}$"),
     re.compile(rf"^{_LEAD}{_NEW} (?:would|might) (?:be|have been) (?:better|nicer)(?: instead)?$"),
+    re.compile(rf"^{_LEAD}{_NEW} (?:suits|fits|pleases) me (?:better|more|best)$"),
 )
 _SAME_AFTER = re.compile(
     r"(?P<first>.+?)(?:\W+(?:and|then|after that|afterwards|finally|also))*[\s,.;]+(?:do |repeat )?(?:exactly )?"

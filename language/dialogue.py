@@ -382,7 +382,7 @@ class Dialogue(Conditions):
             found = (self._filled(sentence, asked, index) for index in asked.candidates)
             return next((outcome for outcome in found if isinstance(outcome, Plan)), None)
         asked_of = self.turns[-1].sentence if self.turns and act == "yes" else ""
-        command = proposal(asked_of) or asked_deed(asked_of)
+        command = proposal(asked_of) or asked_deed(asked_of) or self._demonstrated(sentence)
         tried = self.copy()._command(command, ()) if command else None
         if isinstance(tried, Plan):
             return replace(tried, sentence=sentence)

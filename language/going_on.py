@@ -57,6 +57,26 @@ _RETRY = re.compile(
     r"(?:do (?:it|that|so|what i (?:said|asked|wanted)(?: before| first| earlier)?)|try(?: (?:it|that))?)"
     r"(?P<when>(?: (?:now|again|once more|then|please|after all))*)"
 )
+_BARE = re.compile(  # a relation to the thing beside which something was put
+    rf"{_IDLE}(?:(?:place|put|set|move) (?:it|that) )?(?P<place>on top|behind|in front|beside)"
+    r"(?: of (?:it|that))?(?: then| please| instead)*"
+)
+_BARE_WORDS = {"on top": "on top of", "behind": "behind", "in front": "in front of", "beside": "next to"}
+_BOX_TOO = re.compile(
+    rf"{_IDLE}(?:do |repeat )?(?:exactly )?same(?: thing| again)? (?:with|for|to|in) "
+    rf"(?P<box>(?:(?:{COLOR}) )?\w+)(?: please| now| too| as well)*"
+)
+_SWAPS = re.compile(r"\b(?:swap|exchange|switch|trade)\b", re.IGNORECASE)
+_WITH = re.compile(rf"{_IDLE}(?P<one>[\w ]+?) (?:with|for) (?P<other>[\w ]+?)(?: please| now| too| as well| then)*")
+_SHOWN_WITH = re.compile(
+    rf"{_IDLE}(?:(?:can|could) you )?(?:show (?:me|us)(?: how| it| that)?|(?:try|do) (?:it|that)|demonstrate(?: it)?)"
+    r" (?:with|on|using) (?P<what>[\w ]+?)(?: please| then)*"
+)
+_ABILITY = re.compile(
+    r"^(?:\W*(?:and|so|hi|hey|hello|robot)\b\W*)*(?:can|could|do|are) you (?:able to |also |even |really )*"
+    r"(?P<verb>.+?) (?:things|stuff|something|anything|objects|cubes|blocks|a cube|a block)(?P<after>(?: \w+)?)\W*$",
+    re.IGNORECASE,
+)
 
 
 @dataclass
@@ -159,6 +179,57 @@ class GoingOn(Corrections):
             if not found or self.now.is_loose(was) != self.now.is_loose(now):
                 return None
         return self.copy()._answer(command, ())
+
+    def _like_before(self, text: str) -> Outcome | None:
+        """Return what comes of what was done last with another relation, container or pair; None of other words."""
+        command = self._bare_place(text) or self._box_too(text) or self._pair_too(text) or self._shown_with(text)
+        outcome = self.copy()._answer(command, ()) if command else None
+        return outcome if isinstance(outcome, Plan) else None
+
+    def _bare_place(self, text: str) -> str | None:
+        """Return the command of "behind" or "on top", said after a thing was put beside another one; or None."""
+        match, put, done = _BARE.fullmatch(text), self._beside(), self.done()
+        moved = [step.object for step in carried(done and done.outcome)]
+        if match is None or put is None or moved[-1:] != [put[0]] or self.open_question() or self.now.cells:
+            return None
+        return f"put {name(self.now, put[0])} {_BARE_WORDS[match['place']]} {name(self.now, put[1])}"
+
+    def _box_too(self, text: str) -> str | None:
+        """Return the last command for what is in another container: "the same for the drawer"; or None."""
+        match, done = _BOX_TOO.fullmatch(text), self.done()
+        if match is None or done is None or done is not self.turns[-1]:
+            return None
+        emptied = any(step.object in done.world.inside for step in getattr(done.outcome, "steps", ()))
+        return self._in_other_box(done.sentence, match["box"]) if emptied else None
+
+    def _pair_too(self, text: str) -> str | None:
+        """Return the command of "now red with the cyan one", said after two things were swapped; or None."""
+        match = _WITH.fullmatch(text)
+        turns = [turn for turn in self.turns[-3:] if isinstance(turn.outcome, Plan)]
+        if match is None or not turns or not _SWAPS.search(turns[-1].sentence):
+            return None
+        named = all(self._whole(match[each])[1] for each in ("one", "other"))
+        return f"swap {match['one']} and {match['other']}" if named else None
+
+    def _shown_with(self, text: str) -> str | None:
+        """Return the command of "show me with the red one", said after "can you pick things up?"; or None."""
+        match, last = _SHOWN_WITH.fullmatch(text), self.turns[-1] if self.turns else None
+        asked = _ABILITY.match(last.sentence) if match and last and isinstance(last.outcome, Answer) else None
+        return f"{asked['verb']} {match['what']}{asked['after']}" if match and asked else None
+
+    def _demonstrated(self, sentence: str) -> str | None:
+        """Return the command of "try it" or "show me" after an answer about a thing; None of other words."""
+        world, words, last = self.now, sentence.lower(), self.turns[-1] if self.turns else None
+        thing = last.about[-1] if last is not None and isinstance(last.outcome, Answer) and last.about else None
+        if thing is None:
+            return None
+        if "try" in words and thing in world.devices:
+            return f"operate {name(world, thing)}"
+        box = world.inside.get(thing)
+        if "show" in words and (box is not None or world.is_loose(thing)):
+            closed = box in world.containers and box not in world.open
+            return f"open {name(world, box)}" if box is not None and closed else f"reach {name(world, thing)}"
+        return None
 
     def _fits(self, entity: Entity) -> bool:
         return any(ref.things for ref in self.planner().resolver(self.now, ()).resolve(entity))

@@ -88,6 +88,7 @@ class Memory:
             about = (*(i for i in self._anchors(outcome, world) if i not in done), *done)
         elif isinstance(outcome, Signal) and outcome.steps:
             self.world = outcome.result or world
+            about = tuple(i for i in (outcome.steps[-1].goal, outcome.steps[-1].object) if i is not None)
         elif isinstance(outcome, Question | Refusal):
             self.last = getattr(outcome, "reading", None) or self.last
         if not isinstance(outcome, Plan | Signal):

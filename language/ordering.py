@@ -39,6 +39,9 @@ TIMES = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2
 _WHETHER = re.compile(
     r"^(?:has|have|is|are|was) (?!you\b|i\b)(?P<what>.+?)(?: been)? (?P<done>\w+)(?: yet| already| now)?$"
 )
+_WHETHER_YOU = re.compile(
+    r"^(?:did|have|has) you (?:already |really |also )*(?P<done>\w+) (?P<what>.+?)(?: yet| already| now)?$"
+)
 _JOINING = frozenset([",", ".", ";", "and", "then"])
 _LONGEST = 6  # words of a thing
 
@@ -126,7 +129,10 @@ def _done(found: Sequence[Token]) -> tuple[list[Token], int] | None:
 
 def asked_deed(question: str) -> str | None:
     """Return the command for the deed of which a question asks whether it is done: "has the button been pressed?"."""
-    match = _WHETHER.match(" ".join(token.text for token in scan(question) if token.text.isalnum()))
+    text = " ".join(token.text for token in scan(question) if token.text.isalnum())
+    if mine := _WHETHER_YOU.match(text):
+        return f"{_forms().get(mine['done'], mine['done'])} {mine['what']}"
+    match = _WHETHER.match(text)
     deed = _forms().get(match["done"]) if match else None
     return None if match is None or deed is None else f"{deed} {match['what']}"
 

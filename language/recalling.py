@@ -32,7 +32,7 @@ _WHEN = r"(?: (?:just now|before|earlier|first|last|at first|previously|a (?:mom
 _DONE = re.compile(
     rf"(?:\b(?P<rank>first|second|third|last|latest|previous) )?(?:\b(?P<number>two|three) )?(?:\b(?P<color>{COLOR}) )?"
     rf"\b(?P<noun>{_NOUN}|(?<=last )(?:two|three)|(?<=first )(?:two|three)) {_DOER}"
-    rf"(?P<verb>(?!you\b|before\b|earlier\b)\w+(?: (?:up|down|out))?)(?! it\b| them\b){_WHEN}"
+    rf"(?P<verb>(?!you\b|before\b|earlier\b|do\b)\w+(?: (?:up|down|out))?)(?! it\b| them\b){_WHEN}"
 )
 _ONCE = re.compile(r"^(?:first|second|third|last|latest|previous) |(?:earlier|before|ago|first|last|previously)$")
 _LAST = re.compile(r"\blast (?P<number>two|three)(?: ones| cubes| blocks| things)?(?= back\b)")
@@ -281,7 +281,8 @@ class Recollections(Memory):
         for match in (*_PAIR.finditer(text), *_BOTH.finditer(text)):
             planner = self.planner()
             spoken = [i for i in dict.fromkeys((*planner.carried, *planner.recent)) if world.is_loose(i)]
-            others = [i for i in spoken if not re.search(rf"\b{world.things[i].color}\b", text)]
+            moves = planner.it[:1] if re.search(r"\bit\b", text[: match.start()]) else ()
+            others = [i for i in spoken if i not in moves and not re.search(rf"\b{world.things[i].color}\b", text)]
             if len(others) > 1:
                 lead = f"{match['lead']} " if match.re is _PAIR else "put "
                 yield match, f"{lead}{listed([name(world, i) for i in others[:2]])}"

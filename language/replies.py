@@ -30,7 +30,7 @@ from language.world import FIXED, WorldModel
 LITTLE = {"bit", "little", "smidge", "smidgen", "tad", "touch", "hair", "notch"}
 _FIRST = (  # at first
     r"(?:(?:(?:at|in|from|to|of|since)(?: very)? (?:start|beginning|outset|first)(?! \w+ (?:cube|block|one))\b"
-    r"|originally|initially|at first"
+    r"|originally|initially|at first|(?<=back to )where it (?:started|began)"
     r"|(?:when|before) (?:we|you|i|it|all this|this)(?: all| even| ever)? (?:started|began|start|begin)(?: with)?"
     r"|(?:original|initial|starting|start|first) (?:place|position|spot|location|arrangement|state|order|set ?up"
     r"|layout|situation|configuration)s?)\b)"
@@ -47,13 +47,14 @@ _ALL_BACK = re.compile(
     r"^(?:please |now |and |then |just |can you |could you )*(?:(?:reset|restore|undo|revert|rewind) "
     rf"(?:{_ALL}|all (?:of )?(?:it|that|this)|original \w+)"
     rf"|put (?:{_ALL}|them all|all (?:of )?(?:them|these|those)) back(?: again)?"
-    r"(?: (?:where|how|as|like|way) (?:it|they|everything) (?:was|were))?)"
+    r"(?: (?:to )?(?:where|how|as|like|way)(?: (?:it|they|everything))?(?: (?:was|were|stood))?(?: before| earlier)?)?)"
     r"(?: please| again)*$"
 )
 _THING_BACK = re.compile(
     r"(?: back)?(?: (?:to|at|in|into|on|onto))?(?: (?:how|where|place|spot|position|its|their|(?:it|that|they) "
     rf"(?:was|were|is|stood|had been|lay|sat)))*(?: ,)? {_FIRST}"
 )
+_NO_THING = re.compile(r"(?:(?:enough|stop|no|okay|and|now|then|so|go|put|move|bring|back|,)(?: |$))*")
 _HEIGHT = re.compile(
     r"^(?:(?:please|now|and|no|okay|just|then|can you|could you|so|go|move|come|get|bring|put|hold|keep|make|it|that"
     r"|this|arm|your|gripper|a|an|bit|little|tad|notch|touch|much|way|some|even|more|slightly|far|not|too|still"
@@ -227,7 +228,8 @@ class Replies(Recollections):
             return None
         only: tuple[int, ...] = ()
         if not re.search(rf"\b{_ALL}\b", text):
-            entity, refs = phrase(world, self.planner(), scan(_THING_BACK.sub("", text)))
+            what = _THING_BACK.sub("", text)
+            entity, refs = phrase(world, self.planner(), scan("it" if _NO_THING.fullmatch(what) else what))
             only = tuple(dict.fromkeys(i for ref in refs for i in ref.things[-1:] if world.is_loose(i)))
             if entity is None or not only:
                 return None

@@ -10,7 +10,7 @@ from typing import Any
 
 from language.lattice import Lattice
 from language.objects import DEVICES
-from language.outcomes import Plan, Question, Refusal, Signal
+from language.outcomes import Answer, Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.recalling import acts_of, is_done
 from language.revising import tells
@@ -192,6 +192,10 @@ class SelfAnswers(ABC):
         if last and plans and len(plans[-1][1].steps) > 1:
             self.things = [plans[-1][1].steps[-1].object]
             return self.names(self.things)
+        if len(plans) > 1 and re.match(r"which (?:ones|cubes|blocks|things)\b", text):
+            steps = [step for _, plan in plans for step in plan.steps if step.carries and not step.implied]
+            self.things = list(dict.fromkeys(step.object for step in steps)) or self.things
+            return self.names(self.things) if steps else self.account()
         if len(plans) > 1 and (earlier := re.search(r"\b(?:first|before)\b", text)):
             turn, plan = plans[0 if earlier[0] == "first" else -2]
             return f"I did this: {said(turn.world, plan.steps)}"
@@ -204,6 +208,14 @@ class SelfAnswers(ABC):
         loose = [i for i in range(len(self.world.things)) if self.world.is_loose(i)]
         self.things = [i for i in loose if (i in done) != left]
         return self.names(self.things) if self.things else "none"
+
+    def untouched(self, match: re.Match[str]) -> str | None:
+        """Say whether a thing was left where it was."""
+        things = self.subject(match[1]) or []
+        moved = [i for i in things if any(step.object == i for _, plan in self._plans() for step in plan.steps)]
+        if not things:
+            return None
+        return f"no, I moved {self.names(moved)}" if moved else f"yes: I have not moved {self.names(things)}"
 
     def switched(self, match: re.Match[str]) -> str | None:
         """Say whether a device is on or off."""
@@ -263,7 +275,9 @@ class SelfAnswers(ABC):
 
     def told(self, match: re.Match[str]) -> str | None:
         """Say what the person said before."""
-        turn = self.turns[0 if re.search(r"\bfirst\b", match.string) else -1] if self.turns else None
+        asked = [turn for turn in self.turns if not isinstance(turn.outcome, Answer)] if "ask" in match.string else []
+        turns = asked or self.turns
+        turn = turns[0 if re.search(r"\bfirst\b", match.string) else -1] if turns else None
         return f'you said: "{turn.sentence}"' if turn is not None else "you have said nothing before"
 
     def why(self, match: re.Match[str]) -> str | None:

@@ -41,10 +41,12 @@ _UNDOES = re.compile(
     rf"|take {_DID} back|(?:go|move|take) (?:one|a|1) step back|take that (?:last (?:one|thing|step) )?back"
     rf"|{_UNDO} (?!\w*thing\b)\w+ing(?: of (?:it|that))?)$"
 )
-_BETTER_BEFORE = re.compile(  # "it looked nicer the way it was before"
+BETTER_BEFORE = re.compile(  # "it looked nicer the way it was before"
     r"^(?:(?:no|oh|well|actually|but|i think|you know what) )*"
     r"(?:(?:it|that) (?:was|looked) (?:better|nicer)|i (?:liked|preferred) it(?: better| more)?)"
     r" (?:before|(?:where|how|way) it was(?: before)?)$"
+    r"|^(?:(?:no|oh|well|actually|but|i think) )*"
+    r"(?:first|previous|old|earlier|former|original|last) (?:place|spot|position)(?: for it)? was (?:better|nicer)$"
 )
 _REPEATS = re.compile(
     rf"^(?:(?:please|now|and|then) )*(?:(?:repeat|redo)(?: (?:{_DEED}|{_DID}|it|that|this))?(?: {_JUST_NOW})?"
@@ -57,7 +59,8 @@ _REST = rf"(?:home|(?:(?:your|its) )?(?:home|{STARTING}) (?:{PLACES}|spot))"
 _ARM = r"(?:(?:your|robot|yourself) ?)?(?:arm|gripper|hand|yourself)?"
 _GOES_HOME = re.compile(
     rf"^(?:(?:please|now|and|then) )*(?:(?:go|move|come|return|get|drive|bring|put|take|let|have)(?: {_ARM})?"
-    rf"(?: (?:go|return|move|come))? )(?:back )?(?:(?:to|in|into|at) )?{_REST}$"
+    rf"(?: (?:go|return|move|come))? )(?:back )?(?:(?:to|in|into|at) )?{_REST}"
+    r"(?: and (?:then )?(?:rest|relax|sleep|wait|stay)(?: there| here)?)?$"
 )
 
 
@@ -67,11 +70,12 @@ def plainest(text: str) -> str:
     said = f"{minded['verb']}{minded['double'] or ''}{text[minded.end() :]}" if minded else _WISHED.sub("", text)
     said = re.sub(rf"^{_KIND}(?=\w)", "", said)
     said = re.sub(
-        rf"(?: (?:please|right now|immediately|now|at once|for a (?:second|moment)|from (?:now|here) on|{_LITTLE}))+$",
+        r"(?: (?:please|right now|immediately|now|next time|at once|for a (?:second|moment)|from (?:now|here) on"
+        rf"|{_LITTLE}))+$",
         "",
         said,
     )
-    for pattern, plain in ((_UNDOES, "undo"), (_BETTER_BEFORE, "undo"), (_REPEATS, "again"), (_GOES_HOME, "home")):
+    for pattern, plain in ((_UNDOES, "undo"), (_REPEATS, "again"), (_GOES_HOME, "home")):
         if pattern.match(said):
             return plain
     paced = _PACED.match(said)

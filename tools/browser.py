@@ -28,6 +28,8 @@ BLANK = """for (const context of [WebGLRenderingContext, WebGL2RenderingContext]
     const kind = Object.getOwnPropertyDescriptor(context.prototype, name);
     if (kind && typeof kind.value == "function") context.prototype[name] = () => {};
   }"""
+LATEST_ENTRY = "() => [...document.querySelectorAll('.entry')].at(-1)"
+NEXT_ENTRY = "old => old ? old.nextElementSibling : document.querySelector('.entry')"  # of those that are kept
 PAUSE = "() => new Promise(done => setTimeout(done, 100))"  # milliseconds
 
 
@@ -107,12 +109,11 @@ class PageTab:
 
     def say_and_wait(self, sentence: str) -> str:
         """Say a sentence, wait until it has ended, and return "Done" or "Not done: ..."."""
-        before = self.tab.locator(".entry").count()
+        latest = self.tab.evaluate_handle(LATEST_ENTRY)
         self.say(sentence)
-        self.tab.wait_for_function("n => document.querySelectorAll('.entry').length > n", arg=before)
-        result = self.tab.locator(".entry").nth(before).locator(".result", has_text=re.compile("."))
-        result.wait_for()
-        return re.sub(" in [0-9.]+ s.$", "", result.inner_text())
+        entry = self.tab.wait_for_function(NEXT_ENTRY, arg=latest)
+        result = self.tab.wait_for_function("entry => entry.querySelector('.result').textContent", arg=entry)
+        return re.sub(" in [0-9.]+ s.$", "", result.json_value())
 
     def wait_for_text(self, pattern: str) -> str:
         """Wait until the page contains this pattern; return the text of the element that does."""

@@ -1,10 +1,13 @@
 """Turns that say only what is different: another side, another thing, the same once it is possible, or nothing."""
 
+import math
+
 import pytest
 
-from language import Answer, Plan, Question
+from language import Answer, Plan, Question, Signal
 from tests.helpers.room_cases import (
     BLUE,
+    BUTTON,
     CYAN,
     DRAWER,
     FRIDGE,
@@ -177,3 +180,86 @@ def test_what_is_left_out_of_a_question_is_not_among_what_there_is():
     assert "yellow cube" in text
     assert "red cube" not in text
     assert "blue cube" in outcome_of("give me the red cube / what else is there to play with?").text
+
+
+@pytest.mark.parametrize(
+    ("turn", "goal"),
+    [("on top", YELLOW), ("now on top of it please", YELLOW), ("behind", None), ("no, in front", None)],
+)
+def test_a_bare_relation_is_to_the_thing_that_the_last_one_was_put_beside(turn, goal):
+    step, yellow = put(f"put the orange cube left of the yellow one / {turn}"), larger_room().things[YELLOW]
+    assert (step.object, step.goal) == (ORANGE, goal)
+    assert math.hypot(step.place[0] - yellow.x, step.place[1] - yellow.y) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("first", "then"),
+    [
+        ("put the contents of the fridge on the table", "same for the drawer"),
+        ("close the fridge but take the cube out first", "now the same thing with the drawer"),
+    ],
+)
+def test_the_same_for_another_container_is_done_with_what_is_in_it(first, then):
+    full = "put the red cube in the drawer / put the yellow cube in the fridge"
+    assert put(f"{full} / {first} / {then}").object == RED
+
+
+def test_another_pair_is_swapped_after_a_swap():
+    outcome = outcome_of("swap the yellow and the orange cube / now red with the cyan one", larger_room())
+    assert {object_ for _, object_ in asked_steps(outcome)} == {RED, CYAN}
+
+
+@pytest.mark.parametrize(
+    ("turns", "steps"),
+    [
+        ("can you pick things up? / show me with the orange one", [("lift", ORANGE)]),
+        ("what does that gray button do? / try it", [("press", BUTTON)]),
+        ("did you open the drawer? / please do", [("open", DRAWER)]),
+        ("is the drawer open? / yes please do", [("open", DRAWER)]),
+    ],
+)
+def test_what_a_question_was_about_is_done_when_the_person_says_so(turns, steps):
+    assert asked_steps(outcome_of(turns, larger_room())) == steps
+
+
+def test_what_is_in_a_closed_container_is_shown_by_opening_it():
+    outcome = outcome_of("where is the red cube? / could you show me?", room(inside={RED: DRAWER}))
+    assert asked_steps(outcome) == [("open", DRAWER)]
+
+
+@pytest.mark.parametrize(
+    "turn", ["put everything back like before", "ok enough, back to where it started", "put everything back as before"]
+)
+def test_what_goes_back_to_where_it_started_goes_to_where_it_was_at_first(turn):
+    turns = f"put the orange cube left of the yellow one / now on top / {turn}"
+    step, orange = put(turns), larger_room().things[ORANGE]
+    assert (step.object, step.goal) == (ORANGE, None)
+    assert math.dist(step.place[:2], (orange.x, orange.y)) < 0.005
+
+
+def test_between_them_is_between_the_two_things_other_than_the_one_that_moves():
+    world = larger_room()
+    step = put("put orange between red and yellow / closer to the red one / put it back in between them", world)
+    red, yellow = world.things[RED], world.things[YELLOW]
+    middle = (red.x + yellow.x) / 2, (red.y + yellow.y) / 2
+    assert math.dist(step.place[:2], middle) < 0.03
+
+
+def test_what_stays_is_not_done_again_for_one_thing_more():
+    turns = "put the yellow and the cyan cube on the right side / hm ok, red too then"
+    assert {object_ for _, object_ in asked_steps(outcome_of(turns, larger_room()))} == {RED}
+
+
+def test_a_place_that_was_better_is_gone_back_to():
+    outcome = outcome_of("put the orange cube in the drawer / hmm no the first place was better", larger_room())
+    assert isinstance(outcome, Signal)
+    assert outcome.control == "undo"
+    assert outcome.steps
+
+
+def test_the_first_thing_that_was_asked_is_told_and_so_is_what_was_left_alone():
+    turns = "put the orange cube on the red one / press the button"
+    first = outcome_of(f"{turns} / what was the first thing i asked you to do?", larger_room())
+    assert first.text == 'You said: "put the orange cube on the red one".'
+    assert outcome_of(f"{turns} / did you leave the yellow one alone?", larger_room()).text.startswith("Yes: I have")
+    assert outcome_of(f"{turns} / did you leave the orange one alone?", larger_room()).text.startswith("No, I moved")
