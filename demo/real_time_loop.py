@@ -9,6 +9,8 @@ import time
 import traceback
 from collections.abc import Callable
 
+import torch
+
 from core.errors import ConfigError
 from demo.session import Session
 from deployment.safe_arm import SLICE
@@ -63,7 +65,8 @@ class RealTimeLoop:
         self._stopped.set()
 
     def run(self) -> None:
-        """Runs until `stop`."""
+        """Runs until `stop`. Torch uses one thread: threads that wait for each other are late beside a browser."""
+        torch.set_num_threads(1)
         due = marked = time.monotonic()
         steps = 0
         while not self._stopped.is_set():

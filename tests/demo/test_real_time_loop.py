@@ -1,6 +1,9 @@
-"""The loop of a session with an arm: neither pause nor slow time nor single steps end its watching."""
+"""The loop of a session: its threads, and that neither pause nor slow time nor single steps end the watch of an arm."""
+
+import threading
 
 import pytest
+import torch
 
 from demo.real_time_loop import RealTimeLoop
 from demo.session import Session
@@ -36,6 +39,21 @@ def pause(loop):
 
 def nothing(loop):
     """Let one round pass."""
+
+
+def test_torch_uses_one_thread_so_that_no_step_is_late_beside_a_browser():
+    counted, session = [], Session(make_config(driver="expert"), seed=3)
+    loop = RealTimeLoop(session, lambda _: (counted.append(torch.get_num_threads()), loop.stop()), print)
+
+    def run_with_two():
+        torch.set_num_threads(2)
+        loop.run()
+
+    thread = threading.Thread(target=run_with_two)
+    thread.start()
+    thread.join()
+    session.close()
+    assert counted == [1]
 
 
 @pytest.mark.slow
