@@ -252,6 +252,11 @@ _PLAINER = tuple(  # a whole sentence -> the same, as other rules know it
             r"((?!in\b|on\b|at\b|next\b|left\b|right\b|open|closed|shut)[^,.;]+?)(?:\W+not [^,.;]+?)?",
             r"no, \1",
         ),
+        (  # "if there is something inside take it out"
+            r"(.*\bif there(?:['\u2019]?s| is) (?:something|anything|a cube|a thing|one)(?: still)?) "
+            r"(?:inside|in there)(?: then| ,)? ((?:take|get|bring|pull)\b.+)",
+            r"\1 in it, \2",
+        ),
         (r"(.+?) (?:is|was) what i (?:said|meant|wanted|asked for|had in mind)\b.*", r"no, \1"),
         (  # "I didn't say on it, I said beside it"
             r"i (?:did not|didn['\u2019]?t|never) sa(?:y|id) [^.;]*?[,.;]\s*i (?:said|meant) (.+)",

@@ -33,13 +33,13 @@ from language.world import WorldModel
 _SAID = r"i (?:clearly |just |only )?(?:said|meant|mean|told you|asked (?:you )?(?:for|to))(?: to| you to)?"
 _LEAD = rf"(?:(?:no|hey|wait|hang on|hold on|oops|sorry|well|but|actually|stop|,|please|{_SAID}) )*"
 _NEW, _OLD = (
-    r"(?P<new>(?!(?:not|do|does|did|can|could|is|are|am|was)\b)\w+(?: (?!not\b)\w+){0,3}?)",
+    r"(?P<new>(?!(?:not|no|do|does|did|can|could|is|are|am|was)\b)\w+(?: (?!not\b)\w+){0,3}?)",
     r"(?P<old>\w+(?: \w+){0,3}?)",
 )
 _REST = r"(?: [.,;](?: and)? (?P<rest>[\w ]+?)(?: i mean)?)?$"
 _CONTRASTS = (
     re.compile(rf"^{_LEAD}{_NEW} (?:, |and |but )?(?:not|instead of|rather than) {_OLD}(?: of course)?{_REST}"),
-    re.compile(rf"^{_LEAD}not {_OLD} (?:, but|,|but) {_NEW}{_REST}"),
+    re.compile(rf"^{_LEAD}not {_OLD} (?:, but|,|but)(?: {_SAID})? {_NEW}{_REST}"),
     re.compile(rf"^(?=.*\b{_SAID}\b){_LEAD}{_NEW}(?: (?:, )?{_SAID})?{_REST}"),
     re.compile(rf"^no (?:, )?{_NEW}$"),
     re.compile(rf"^{_LEAD}{_NEW} (?:would|might) (?:be|have been) (?:better|nicer)(?: instead)?$"),
@@ -155,7 +155,8 @@ class Corrections(Replies):
 
         text: the words of the sentence.
         """
-        return self._turned_round(sentence) if _OTHER_SIDE.fullmatch(text) else None
+        outcome = self._turned_round(sentence) if _OTHER_SIDE.fullmatch(text) else None
+        return outcome if isinstance(outcome, Plan) or self._far_side(text) is None else None
 
     def _looked_for(self, words: str, later: Sequence[Part]) -> tuple[str, bool]:
         """Return what was not seen, before a question, and whether that says no more: "I can't find X, where is it"."""
@@ -345,6 +346,8 @@ def _with_words(sentence: str, new: str, old: str) -> str | None:
     measured = len(said) == 2 and said.get(0, "number") and said.get(1, "unit")
     whole = (each for each in _BARE if any(edge.end == len(said) for edge in said.get(0, each)))
     kind = "number" if measured else next(whole, None)
+    if kind is None and len(at) == 1 and re.fullmatch(COLOR, old) and re.fullmatch(COLOR, new):
+        kind = "color"  # "not blue, I meant cyan"
     if kind is None:
         return None
     new = {"number": new.split()[0]}.get(kind, f"{new} of" if new == "on top" else new)

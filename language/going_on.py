@@ -61,6 +61,7 @@ _BARE = re.compile(  # a relation to the thing beside which something was put
     rf"{_IDLE}(?:(?:place|put|set|move) (?:it|that) )?(?P<place>on top|behind|in front|beside)"
     r"(?: of (?:it|that))?(?: then| please| instead)*"
 )
+_ON_TOP = re.compile(rf"{_IDLE}(?P<what>(?:(?:{COLOR}) ?(?:one|cube|block)?|(?:{THING}))) on top(?: then| please)*")
 _BARE_WORDS = {"on top": "on top of", "behind": "behind", "in front": "in front of", "beside": "next to"}
 _BOX_TOO = re.compile(
     rf"{_IDLE}(?:do |repeat )?(?:exactly )?same(?: thing| again)? (?:with|for|to|in) "
@@ -129,7 +130,8 @@ class GoingOn(Corrections):
         apart = 100 * (math.hypot(*off) - (one.width + other.width) / 2)
         rest = _BETWEEN.sub("", text[match.end() :])
         measure = f"{max(apart, 1):.0f} cm " if match["far"] else ""
-        return f"{text[: match.start()]}{measure}{side} {name(world, anchor)}{rest}"
+        head = "put it " if text[: match.start()].strip() == "no" else text[: match.start()]
+        return f"{head}{measure}{side} {name(world, anchor)}{rest}"
 
     def _across_table(self, before: str, after: str) -> str | None:
         """Return plain words with the side of the table on which the thing that they name does not stand; or None.
@@ -190,6 +192,9 @@ class GoingOn(Corrections):
         """Return the command of "behind" or "on top", said after a thing was put beside another one; or None."""
         match, put, done = _BARE.fullmatch(text), self._beside(), self.done()
         moved = [step.object for step in carried(done and done.outcome)]
+        over = _ON_TOP.fullmatch(text)
+        if over is not None and len(moved) == 1 and self.now.is_on_ground(moved[0]) and not self.now.cells:
+            return f"put {over['what']} on top of {name(self.now, moved[0])}"
         if match is None or put is None or moved[-1:] != [put[0]] or self.open_question() or self.now.cells:
             return None
         return f"put {name(self.now, put[0])} {_BARE_WORDS[match['place']]} {name(self.now, put[1])}"

@@ -72,6 +72,10 @@ _BOTH = re.compile(  # "and now both back on the table"
 _SHUT_IT = re.compile(
     r"^(?:(?:and|ok|okay|now|then|please|good|great|,) )*(?P<verb>open|close|shut) (?:it|that)(?= up| now| please|$)"
 )
+_OUT = re.compile(r"\b(?P<verb>take|get|bring|pull|fetch) (?:it|that)(?: back)? out\b(?! of\b)")
+_GIVEN = re.compile(
+    r"\b(?P<verb>give|hand|pass) (?:it|that)\b|\bi (?:would |do |really )*(?:like|love|want)(?: to have)? (?:it|that)$"
+)
 _ROTATED = re.compile(r"\b(?P<verb>rotate|tilt|tip) (?:it|that|this)(?: one)?\b")
 _EXCHANGED = re.compile(
     r"\b(?:swap|exchange|trade|replace|change|switch) (?:it|that|this)(?: one)? (?:for|with|by|against)"
@@ -117,7 +121,7 @@ class Recollections(Memory):
         if act_of([token.text for token in scan(sentence)]) is not None:  # "finish what you started"
             return Recalled(sentence)
         of_things = self._by_name, self._by_deed, self._by_order, self._by_share, self._by_base, self._by_stand
-        of_commands = self._by_pair, self._by_exchange, self._by_state, self._by_rotation
+        of_commands = self._by_pair, self._by_exchange, self._by_state, self._by_rotation, self._by_content
         for find in (*of_things, *of_commands):
             for match, meant in reversed(list(find(sentence))):
                 tokens = scan(sentence)
@@ -316,6 +320,17 @@ class Recollections(Memory):
         for match in _ROTATED.finditer(text_of(scan(sentence))):
             if self.it and self.now.is_loose(self.it[0]):
                 yield match, f"{match['verb']} {name(self.now, self.it[0])}"
+
+    def _by_content(self, sentence: str) -> Iterator[tuple[re.Match[str], str]]:
+        """Yield "take it out" and "give it to me" of what is in a container, where no thing in one was spoken of."""
+        world = self.now
+        full = world.contents(self.box) if self.box is not None else []
+        if len(full) != 1 or (self.it and self.it[0] in world.inside):
+            return
+        text = text_of(scan(sentence))
+        given = _GIVEN.finditer(text) if self.it[:1] == (self.box,) else ()  # the container itself stays
+        for match in (*_OUT.finditer(text), *given):
+            yield match, f"{match['verb'] or 'give me'} {name(world, full[0]).split(' in ')[0]}"
 
     def _whole(self, text: str) -> tuple[Entity | None, list[Ref]]:
         """Return the phrase to which all of some words belong, and its referents; None and [] of other words."""

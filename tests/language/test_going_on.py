@@ -263,3 +263,39 @@ def test_the_first_thing_that_was_asked_is_told_and_so_is_what_was_left_alone():
     assert first.text == 'You said: "put the orange cube on the red one".'
     assert outcome_of(f"{turns} / did you leave the yellow one alone?", larger_room()).text.startswith("Yes: I have")
     assert outcome_of(f"{turns} / did you leave the orange one alone?", larger_room()).text.startswith("No, I moved")
+
+
+@pytest.mark.parametrize("turn", ["no on the other side of it", "no, on the other side of it"])
+def test_what_was_held_is_put_on_the_other_side_of_what_it_was_put_beside(turn):
+    step = put(f"put that on the table next to the yellow one / {turn}", room(held=RED))
+    assert step.object == RED
+    assert step.place[1] < room().things[YELLOW].y - 0.04
+
+
+def test_a_colour_that_was_wrong_is_replaced_where_it_was_said():
+    step = put("put the thing you're holding on the blue cube / oops, not blue, I meant red", room(held=YELLOW))
+    assert (step.object, step.goal) == (YELLOW, RED)
+
+
+@pytest.mark.parametrize("turn", ["i'd like to have it", "give it to me", "take it out"])
+def test_of_a_container_that_was_opened_what_is_in_it_is_meant(turn):
+    outcome = outcome_of(f"open the drawer / {turn}", room(inside={RED: DRAWER}))
+    assert (outcome.steps[0].verb, outcome.steps[0].object) == ("take_out", RED)
+
+
+def test_it_is_what_is_in_the_container_that_it_is_taken_out_of():
+    world = room(inside={YELLOW: FRIDGE}, open=frozenset([FRIDGE]))
+    outcome = outcome_of("did you put the red one in the fridge? / take it out and put the red one in", world)
+    assert (outcome.steps[0].verb, outcome.steps[0].object) == ("take_out", YELLOW)
+    assert asked_steps(outcome)[-1] == ("put_in", RED)
+
+
+def test_the_one_on_top_goes_on_what_was_put_down_last():
+    step = put("put the red cube in the middle / ok leave it. and now the yellow one on top")
+    assert (step.object, step.goal) == (YELLOW, RED)
+
+
+def test_nothing_is_taken_out_of_a_container_that_has_nothing_in_it():
+    outcome = outcome_of("open the fridge / if there is something inside take it out", larger_room())
+    assert isinstance(outcome, Answer)
+    assert "nothing" in outcome.text
