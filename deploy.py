@@ -191,6 +191,8 @@ def _episodes(config: DeployConfig, choice: ArmChoice, overrides: list[str], ter
 def run_twin(env: MirrorEnv, policy: Any, episodes: int, seed: int, stop: Any = lambda: False) -> dict[str, Any]:
     """Run episodes with the deterministic policy, each until the twin has judged it or the arm was stopped.
 
+    A twin to which nothing is sent judges nothing: a dry run's episodes end with the task's time.
+
     Args:
         env: of a twin.
         policy: writes "action"; it does not receive the privileged keys.
@@ -206,12 +208,13 @@ def run_twin(env: MirrorEnv, policy: Any, episodes: int, seed: int, stop: Any = 
     from torchrl.envs.utils import ExplorationType, set_exploration_type
 
     arm: Any = env.arm.arm
+    dry = env.arm.safety.config.dry_run
     totals, stops, reasons = Counter[str](), Counter[str](), Counter[str]()
     env.set_seed(seed)
     with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
         while totals["episodes"] < episodes and not stop():
             state = env.reset()
-            while arm.verdict is None and not env.arm.safety.stopped:
+            while arm.verdict is None and not env.arm.safety.stopped and not (dry and bool(state["done"].any())):
                 state["action"] = policy(state.exclude("privileged"))["action"]
                 state = env.step(state)["next"]
                 totals["steps"] += 1

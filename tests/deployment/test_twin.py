@@ -103,6 +103,13 @@ def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path, capsys):
     assert "limits: joints at most 1.71 to 3.14 rad/s; gripper within x " in capsys.readouterr().out
 
 
+@pytest.mark.slow
+def test_an_episode_of_a_dry_run_ends_with_the_time_of_the_task():
+    result = deploy.main(["checkpoint=nl_reach_kuka", "arm=sim", "safety.dry_run=true", "episodes=2"])
+    assert (result["episodes"], result["successes"]) == (2, 0)
+    assert result["steps"] == 2 * read_env(compose([])).task.max_steps
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

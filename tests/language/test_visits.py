@@ -333,7 +333,7 @@ def test_nothing_is_put_below_the_table(said):
     assert "I put nothing on the" in outcome.text
 
 
-@pytest.mark.parametrize(("said", "word"), [("open the cupboard", "cupboard"), ("open the oven", "oven")])
+@pytest.mark.parametrize(("said", "word"), [("open the wardrobe", "wardrobe"), ("open the oven", "oven")])
 def test_what_is_not_here_is_not_taken_for_what_is(said, word):
     outcome = Dialogue().answer(said, room())
     assert isinstance(outcome, Refusal)
