@@ -99,7 +99,7 @@ def act_of(words: Sequence[str]) -> str | None:
         if act in SIGNALS:
             return "continue" if act in ("stop", "wait", "continue") else "social"
         return None if (act := _act_of(tuple(words))) in SIGNALS and act != "stop" else act
-    if BETTER_BEFORE.match(said):
+    if BETTER_BEFORE.match(said):  # before its "first place" is read as where the arm rests
         return "undo"
     if (act := _act_of(tuple(words))) is not None or len(words) > MOST_OF_SIGNAL:
         return act

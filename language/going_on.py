@@ -184,18 +184,27 @@ class GoingOn(Corrections):
 
     def _like_before(self, text: str) -> Outcome | None:
         """Return what comes of what was done last with another relation, container or pair; None of other words."""
-        command = self._bare_place(text) or self._box_too(text) or self._pair_too(text) or self._shown_with(text)
+        command = self._on_last(text) or self._bare_place(text) or self._box_too(text)
+        command = command or self._pair_too(text) or self._shown_with(text)
         outcome = self.copy()._answer(command, ()) if command else None
         return outcome if isinstance(outcome, Plan) else None
 
+    def _on_last(self, text: str) -> str | None:
+        """Return the command of "the yellow one on top", said after one thing was put on the table; or None."""
+        match, done = _ON_TOP.fullmatch(text), self.done()
+        moved = [step.object for step in carried(done and done.outcome)] if match else []
+        if match is None or len(moved) != 1 or not self.now.is_on_ground(moved[0]) or self.now.cells:
+            return None
+        return f"put {match['what']} on top of {name(self.now, moved[0])}"
+
     def _bare_place(self, text: str) -> str | None:
         """Return the command of "behind" or "on top", said after a thing was put beside another one; or None."""
-        match, put, done = _BARE.fullmatch(text), self._beside(), self.done()
+        match = _BARE.fullmatch(text)
+        if match is None or self.open_question() or self.now.cells:
+            return None
+        put, done = self._beside(), self.done()
         moved = [step.object for step in carried(done and done.outcome)]
-        over = _ON_TOP.fullmatch(text)
-        if over is not None and len(moved) == 1 and self.now.is_on_ground(moved[0]) and not self.now.cells:
-            return f"put {over['what']} on top of {name(self.now, moved[0])}"
-        if match is None or put is None or moved[-1:] != [put[0]] or self.open_question() or self.now.cells:
+        if put is None or moved[-1:] != [put[0]]:
             return None
         return f"put {name(self.now, put[0])} {_BARE_WORDS[match['place']]} {name(self.now, put[1])}"
 

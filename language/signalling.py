@@ -75,7 +75,7 @@ def plainest(text: str) -> str:
         "",
         said,
     )
-    for pattern, plain in ((_UNDOES, "undo"), (_REPEATS, "again"), (_GOES_HOME, "home")):
+    for pattern, plain in ((_UNDOES, "undo"), (BETTER_BEFORE, "undo"), (_REPEATS, "again"), (_GOES_HOME, "home")):
         if pattern.match(said):
             return plain
     paced = _PACED.match(said)

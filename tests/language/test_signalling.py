@@ -17,6 +17,7 @@ from language.scanning import scan
             ["bring your gripper back to its resting position", "I'd like you to return home", "let the arm go home"],
         ),
         ("undo", ["reverse the previous step", "cancel whatever you just did", "we need you to undo your last change"]),
+        ("undo", ["it looked better before please", "no the first place was better", "it was nicer before, at once"]),
         ("again", ["repeat the last move", "do what you did once more", "I'd love you to do that again please"]),
         ("faster", ["work a bit faster", "come on, a lot quicker please", "you could go faster"]),
         ("slower", ["go a little less quickly", "please take it slower", "would you mind slowing down"]),
