@@ -18,13 +18,16 @@ export class Conversation {
     this.items = new Map();
     this.view = log.parentElement;
     this.follows = true; // the newest turn, until a person scrolls back
+    this.size = ""; // of the view, when it last followed
     this.view.addEventListener("scroll", () => {
+      if (this.size !== sizeOf(this.view)) return; // a new size moved it, not a person
       this.follows = this.view.scrollHeight - this.view.scrollTop - this.view.clientHeight < 60;
     });
     new ResizeObserver(() => this.follow()).observe(this.view);
   }
 
   follow() {
+    this.size = sizeOf(this.view);
     if (this.follows) this.view.scrollTop = this.view.scrollHeight;
   }
 
@@ -93,6 +96,8 @@ export class Conversation {
 function order(name) {
   return Number(name.split(" ")[1]);
 }
+
+const sizeOf = (view) => `${view.clientWidth} ${view.clientHeight}`;
 
 function showSteps(list, steps) {
   while (list.children.length > steps.length) list.lastChild.remove();

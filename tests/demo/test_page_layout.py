@@ -146,6 +146,25 @@ def test_robot_box_and_last_answer_are_in_view_at_once(tab, screen):
     tab.locator("#lab-button").evaluate("button => button.click()")
 
 
+def test_the_log_stays_at_its_end_where_a_scroll_is_reported_before_a_new_size(tab):
+    show(tab, "phone")
+    assert out_of_view(tab) == []
+    tab.evaluate("""() => {
+      const log = document.querySelector('.log');
+      log.style.maxHeight = '60px';
+      log.dispatchEvent(new Event('scroll'));
+    }""")
+    tab.wait_for_function(
+        """() => {
+      const log = document.querySelector('.log');
+      return log.clientHeight <= 60 && log.scrollHeight - log.scrollTop - log.clientHeight < 2;
+    }""",
+        timeout=5000,
+    )
+    tab.evaluate("document.querySelector('.log').style.maxHeight = ''")
+    assert out_of_view(tab) == []
+
+
 @pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not installed: npm install axe-core")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("screen", ["wide", "phone"])
