@@ -15,7 +15,7 @@ import numpy as np
 
 from language.acts import Part, act_of, question
 from language.lattice import Lattice
-from language.meanings import Clause, Measure, Reading, RelationPhrase
+from language.meanings import Clause, Gesture, Measure, Reading, RelationPhrase
 from language.memory import carried
 from language.ordering import TIMES
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
@@ -45,6 +45,7 @@ _CONTRASTS = (
     re.compile(rf"^{_LEAD}{_NEW} (?:would|might) (?:be|have been) (?:better|nicer)(?: instead)?$"),
     re.compile(rf"^{_LEAD}{_NEW} (?:suits|fits|pleases) me (?:better|more|best)$"),
 )
+_OF_IT = re.compile(r" (?:of )?(?:it|that|that one)$")
 _SAME_AFTER = re.compile(
     r"(?P<first>.+?)(?:\W+(?:and|then|after that|afterwards|finally|also))*[\s,.;]+(?:do |repeat )?(?:exactly )?"
     r"(?:the )?same(?: thing| again)? (?:with|for|to) (?P<other>.+)",
@@ -96,6 +97,8 @@ class Corrections(Replies):
         if match is None or last is None or self.now.cells:
             return None
         said = match.groupdict()
+        if all(_OF_IT.search(said.get(each) or "") for each in ("new", "old")):  # "on it, not next to it"
+            said |= {each: _OF_IT.sub("", said[each]) for each in ("new", "old")}
         several = re.search(r"\b(?:and|then)\b|[,.;]", last.sentence.rstrip(" .!"))
         meant = self._in_other_box(last.sentence, said["new"]) if several else None
         meant = meant or _with_words(last.sentence, said["new"], said.get("old") or "")
@@ -222,16 +225,22 @@ class Corrections(Replies):
         put = carried(done.outcome) if done is not None else []
         if done is None or not put or not PREFERS.search(sentence) or not isinstance(outcome, Refusal | Plan):
             return None
+        there, goal = re.search(r"\bthere\b", sentence) is not None, put[-1].goal
+        if there and any(step.object == put[-1].object and not step.implied for step in getattr(outcome, "steps", ())):
+            return None  # "take it off, put the gray one there instead"
+        shown = Gesture((), put[-1].place) if there and goal is None and put[-1].place is not None else None
+        planner = self.planner((shown,) if shown is not None else (), world=done.world)
+        if goal is not None and planner.it[:1] == (put[-1].object,):  # "put red on it instead"
+            planner.it = (goal,)
+        if goal is not None and goal not in self.now.containers:  # "put red there instead"
+            words = scan(re.sub(r"\bthere\b", "on it", text_of(words)))
         back = restoring(self.now, done.world)
-        planner = self.planner(world=done.world)
-        if put[-1].goal is not None and planner.it[:1] == (put[-1].object,):  # "put red on it instead"
-            planner.it = (put[-1].goal,)
         tried = settled(sentence, choices(words, planner), planner) if back else outcome
         again = carried(tried)
         moved = {step.object for step in put}
         if not isinstance(tried, Plan) or not again or again[-1].object in moved:
             return None
-        if isinstance(outcome, Plan) and (again[-1].goal is None or again[-1].goal != put[-1].goal):
+        if isinstance(outcome, Plan) and not there and (again[-1].goal is None or again[-1].goal != goal):
             return None
         steps = without_detours((*back, *tried.steps))
         return replace(tried, steps=steps, notes=tried.notes if len(steps) == len(back) + len(tried.steps) else ())

@@ -39,10 +39,24 @@ _ADDING = re.compile(
 _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": False, "close": False}
 _OPERATED = dict.fromkeys(("pressed", "down", "switched", "turned", "moved", "flipped", "pushed", "on"), 1)
 _OPERATED |= {"up": 0, "off": 0}
-_GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to")  # a phrase that ends so is not whole
+_GOES_ON = (
+    "of",
+    "and",
+    "or",
+    "a",
+    "not",
+    ",",
+    "in",
+    "on",
+    "at",
+    "to",
+    "free",
+    "clear",
+)  # a phrase that ends so is not whole
 _SEEING = r"(?:any|there|you|we|see|find|know|have|spot|got|recogni[sz]e|still|also|an?|some)"
 _KNOWN = r"(?:do|can|have|did) (?:you|we|i) (?:have|see|know|got|find|own|recogni[sz]e|spot)\b|(?:is|are) there\b"
 _SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
+_BESIDE = r"(?:next to|near|close to|beside|left of|right of|to left of|to right of|behind|in front of|around)"
 _CLOSE = r"(?:right|directly|just|immediately)"
 _WORKED = re.compile(
     r"(?:(?:that|this|it|everything|all)(?: has| had| all)?|you(?: have| did| are| could| can)?)"
@@ -204,10 +218,12 @@ class Questions(Alternatives):
             return Predicate(lambda i: is_operated(world, i) == wanted if i in devices else None, "state")
         if re.fullmatch(r"(?:that )?(?:stacked|piled)(?: up| on top)*", plain):
             return Predicate(lambda i: world.below[i] is not None or world.above[i] is not None, "place")
-        if plain in ("empty", "full", "free", "occupied", "taken", "vacant", "in use"):
+        enclosing = (*boxes, world.hand)
+        if plain in ("empty", "full", "occupied", "taken", "vacant", "in use"):
             full = plain in ("full", "occupied", "taken", "in use")
-            enclosing = (*boxes, *([world.hand] if world.hand is not None else []))
             return Predicate(lambda i: bool(world.contents(i)) == full if i in enclosing else None, "content")
+        if re.fullmatch(r"(?:still )?(?:free|clear|uncovered|bare|unobstructed)(?: (?:on|at) \w+)?", plain):
+            return Predicate(lambda i: not world.contents(i) if i in enclosing else world.above[i] is None, "under")
         if re.fullmatch(rf"(?:{COLOR})(?: (?:or|and) (?:{COLOR}))*(?: colou?red)?", plain):
             meant = {color for each in re.findall(COLOR, plain) for color in colors()[each]}
             return Predicate(lambda i: world.things[i].color in meant, "color")
@@ -296,11 +312,13 @@ class Questions(Alternatives):
     def _told(self, index: int, about: str) -> str:
         """Return what is so of a thing."""
         world, plain = self.world, name(self.world, index).split(" in ")[0]
-        if about == "content" and index in (*world.containers, world.hand):
+        if about in ("content", "under") and index in (*world.containers, world.hand):
             inside = world.contents(index)
             return f"{self.names(inside).split(' in ')[0] if inside else 'nothing'} is in {plain}"
         if about == "under" and (upper := world.above[index]) is not None:
             return f"{plain} is under {name(world, upper)}"
+        if about == "under" and world.is_on_ground(index):
+            return f"nothing stands on {plain}"
         if about == "kind":
             return f"{plain} is a {world.things[index].kind}"
         if about == "color":
@@ -333,11 +351,7 @@ class Questions(Alternatives):
             things = (
                 self.subject(re.sub(r"^(?:my|your|our|any|some|a|an) (?!hand|gripper)", "", head)) if stated else None
             )
-            if (
-                stated is not None
-                and things is not None
-                and (not things or any(stated.holds(i) is not None for i in things))
-            ):
+            if stated and things is not None and (not things or any(stated.holds(i) is not None for i in things)):
                 self.things = things
                 return things, stated, head, rest
         return None
@@ -468,7 +482,7 @@ class Questions(Alternatives):
         if not fits:
             kind = "nothing" if head in ("", "thing", "one", "ones") else f"none: no {_plain(head)}"
             return f"{kind} is {_plain(plain)}"
-        if stated.about in ("place", "under") and len(fits) <= 3 and not re.search(_BEST, plain):
+        if stated.about in ("place", "under") and len(fits) <= 3 and not re.search(rf"{_BEST}|^{_BESIDE} ", plain):
             return "; ".join(self._told(i, stated.about) for i in fits)
         return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {_plain(plain)}"
 

@@ -474,6 +474,10 @@ class SelfAnswers(ABC):
         going = plans and plans[-1][0].ending
         return f"no: {self.account() if going else f'I am ready. {holds(self.world)}'}"
 
+    def taste(self, match: re.Match[str]) -> str | None:
+        """Say that the robot likes no thing better than another."""
+        return "I have no favourite, and like all of them alike: say which one you mean"
+
     def fine(self, match: re.Match[str]) -> str | None:
         """Answer questions about the robot's condition."""
         return f"yes, I am ready. {holds(self.world)}"
