@@ -175,6 +175,13 @@ def takes_back(parts: Sequence[Part]) -> bool:
     return last == len(parts) - 1 > 0 and parts[0].act is None and _WAITS.search(said) is not None
 
 
+def stops_after_all(parts: Sequence[Part]) -> bool:
+    """Whether a sentence ends with "no" or "stop" after a command; "..., then leave it" is part of the command."""
+    first, last = parts[0], parts[-1]
+    said = last.act in ("no", "stop") and last.words[0] != "then"
+    return len(parts) > 1 and said and first.act is None and len(first.words) > 1
+
+
 def says_nothing(part: Part) -> bool:
     """Whether a part is small talk, about people or the occasion, or a few words that name nothing: "cheese!"."""
     strange = [word for word in part.words if len(word) > 1 and word not in FILLERS]

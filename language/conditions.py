@@ -294,29 +294,43 @@ class Conditions(GoingOn):
                 return None
             if found is None:
                 break
-            does, note, it = trial._weighed(found, made)
+            does, note, it = trial._weighed(found, made, later=number > 0)
             if not isinstance(does, str):
                 return does
             if not found.before:
                 trial.it = it or trial.it
             left += (f"I leave out '{found.does}', because {note}",) if note else ()
-            text = " , then ".join(part for part in (found.before, does, found.after) if part)
+            after = found.after if note else trial._still_due(text, found.after, made)
+            text = " , then ".join(part for part in (found.before, does, after) if part)
             notes += [note] if note else []
         if not text:
             return Answer(sentence, 1.0, (), (0, len(sentence)), text=f"I do nothing, because {'; '.join(notes)}")
         outcome = replace(trial._command(text, made), span=(0, len(sentence)))
         return replace(outcome, notes=(*outcome.notes, *left)) if isinstance(outcome, Plan) else outcome
 
+    def _still_due(self, text: str, after: str, made: tuple[Gesture, ...]) -> str:
+        """Return what follows a condition that holds, without a second one that does not: "if up, ...; if down, ...".
+
+        text: the whole sentence. after: what follows the condition in it.
+        """
+        other = conditional(after) if _BEGINS.match(after) and f"then {after}" not in text else None
+        return (
+            other.after if other and not other.before and self._weighed(other, made, later=True).does == "" else after
+        )
+
     def _without_lead(self, plain: str) -> str:
         """Return a sentence without what only names a thing: "I forgot where X is; if it is in the drawer, ..."."""
         lead = re.match(r"([^.;!]+) [.;!] (?=(?:if|unless) )", plain)
-        if lead is None or command_word().match(lead[1]):
+        if lead is None or command_word().match(lead[1]) or _BEGINS.match(lead[1]):
             return plain
         self.it = (*self._told_of(lead[1]),) or self.it
         return plain[lead.end() :]
 
-    def _weighed(self, found: Conditional, made: tuple[Gesture, ...]) -> Weighed:
-        """Return what comes of a condition in the world that the words before it leave."""
+    def _weighed(self, found: Conditional, made: tuple[Gesture, ...], later: bool = False) -> Weighed:
+        """Return what comes of a condition in the world that the words before it leave.
+
+        later: whether another condition stands before it, whose "it" is meant again.
+        """
         trial = self.copy()
         if found.before:
             outcome = trial._command(found.before, made)
@@ -328,7 +342,9 @@ class Conditions(GoingOn):
         refs = [[ref.things[-1:] for ref in phrase(trial.now, planner, scan(part))[1] if ref.things] for part in parts]
         named = [min(each, key=lambda it: not trial.now.is_loose(it[0])) for each in refs if each]
         spoken = _SPOKEN.search(found.condition)
-        before = planner.it and ((found.leads and found.before) or re.match(r"\w+ (?:it|them|that)\b", found.does))
+        before = planner.it and (
+            (found.leads and (later or found.before)) or re.match(r"\w+ (?:it|them|that)\b", found.does)
+        )
         its = [planner.it] if before or not spoken else [*named, planner.it]
         plain = re.sub(r"^(there is )?nothing\b", r"\1something", found.condition)
         known = Questions(trial.now, planner, trial.turns)

@@ -25,6 +25,7 @@ from language.acts import (
     question,
     says,
     says_nothing,
+    stops_after_all,
     without_idle,
 )
 from language.conditions import Conditions
@@ -144,7 +145,7 @@ class Dialogue(Conditions):
         text = without_idle(sentence, parts)
         if (left := self._left(sentence, parts)) is not None:
             return left
-        if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
+        if stops_after_all(parts):
             return Signal(sentence, 1.0, (), span, control="stop", text=f"All right, I do nothing. {_NEXT}")
         if (told := self._then_asks(sentence, parts, made) or self._asked(sentence, text, made)) is not None:
             topic = self._about_topic(sentence, parts, made) if isinstance(told, Refusal) else None

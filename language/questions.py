@@ -39,20 +39,8 @@ _ADDING = re.compile(
 _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": False, "close": False}
 _OPERATED = dict.fromkeys(("pressed", "down", "switched", "turned", "moved", "flipped", "pushed", "on"), 1)
 _OPERATED |= {"up": 0, "off": 0}
-_GOES_ON = (
-    "of",
-    "and",
-    "or",
-    "a",
-    "not",
-    ",",
-    "in",
-    "on",
-    "at",
-    "to",
-    "free",
-    "clear",
-)  # a phrase that ends so is not whole
+# a phrase that ends so is not whole
+_GOES_ON = ("of", "and", "or", "a", "not", ",", "in", "on", "at", "to", "free", "clear")
 _SEEING = r"(?:any|there|you|we|see|find|know|have|spot|got|recogni[sz]e|still|also|an?|some)"
 _KNOWN = r"(?:do|can|have|did) (?:you|we|i) (?:have|see|know|got|find|own|recogni[sz]e|spot)\b|(?:is|are) there\b"
 _SIDE = r"(left|right|in front|behind|above|under|next to|on|in)"
