@@ -43,6 +43,8 @@ _CONTRASTS = (
     re.compile(rf"^(?=.*\b{_SAID}\b){_LEAD}{_NEW}(?: (?:, )?{_SAID})?{_REST}"),
     re.compile(rf"^no (?:, )?{_NEW}$"),
     re.compile(rf"^{_LEAD}{_NEW} (?:would|might) (?:be|have been) (?:better|nicer)(?: instead)?$"),
+    re.compile(rf"^{_LEAD}{_OLD} was wrong (?:[,.;] )?(?:sorry , |sorry )?(?:it )?should have been {_NEW}$"),
+    re.compile(rf"^(?:\w+ [!.,] )?i said {_OLD} but (?:i )?(?:was thinking(?: of)?|meant|mean|wanted) {_NEW}$"),
     re.compile(rf"^{_LEAD}{_NEW} (?:suits|fits|pleases) me (?:better|more|best)$"),
 )
 _OF_IT = re.compile(r" (?:of )?(?:it|that|that one)$")

@@ -78,6 +78,10 @@ _BESIDE_IT = re.compile(  # "where is the red cube?", "and behind it?"
 )
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
+_ROOM_THERE = re.compile(
+    r"is there .*\b(?:place|space|room|spot) (?!for\b|in\b|left$)"
+)  # "... beside it? put it there"
+
 
 @dataclass
 class Dialogue(Conditions):
@@ -402,6 +406,8 @@ class Dialogue(Conditions):
             asked = question(words + parts[end].mark)
             if asked is None and parts[end].mark == "?" and _ANY.match(words):  # "anything red here?"
                 asked = question(f"is there {words}")
+            if asked is not None and _ROOM_THERE.match(asked) and end + 1 < len(parts):
+                return None  # the wording says what is put there
             if asked is not None and ABLE.match(asked) and _CERTAIN.search(sentence):  # "can you stack the cubes?"
                 asked = None
             if asked is None and at == 0 and self.open_question() is None:

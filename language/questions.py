@@ -223,8 +223,7 @@ class Questions(Alternatives):
         if word == "held" or re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
             return Predicate(lambda i: i == world.held, "place")
         if plain in ("blocked", "covered", "buried", "obstructed", "trapped", "in way", "accessible", "reachable"):
-            within = world.inside
-            shut = {i for i, box in within.items() if box in boxes and box not in world.open}
+            shut = {i for i, box in world.inside.items() if box in boxes and box not in world.open}
             free = plain in ("accessible", "reachable")
             return Predicate(lambda i: (world.above[i] is not None or i in shut) != free, "under")
         return None
@@ -243,9 +242,8 @@ class Questions(Alternatives):
         what = (match["what"] or match["only"] or "").strip()
         if not what:
             return None
-        on = (
-            {i: [over] for i, over in enumerate(world.above) if over is not None} if re.search(r"\bon\b", plain) else {}
-        )
+        stacked = enumerate(world.above) if re.search(r"\bon\b", plain) else ()
+        on = {i: [over] for i, over in stacked if over is not None}
         about = "under" if on else "content"
         if re.fullmatch(rf"(?:a |any |another )?(?:{_ANY}|cube|block|cubes|blocks|one|it)?(?: else)?", what):
             return Predicate(lambda i: bool(on.get(i) or world.contents(i)) != what.startswith("nothing"), about)

@@ -1,0 +1,139 @@
+"""Idioms and roundabout wordings: what people say instead of the plain command, question or correction."""
+
+import pytest
+
+from language import Answer, Dialogue, Plan, Question, Signal
+from tests.helpers.sets_room import FACTS, NAMES, done, room, said
+
+
+def turns(*sentences, state="A"):
+    """The outcome of the last of some turns, and what its steps do with what and where, as words."""
+    dialogue, world = Dialogue(), room(FACTS[state])
+    for sentence in sentences:
+        outcome = dialogue.answer(sentence, world)
+        world = dialogue.now
+    names = [
+        (step.verb, NAMES[step.object], *([NAMES[step.goal]] if step.goal is not None else []))
+        for step in outcome.steps
+    ]
+    return outcome, [" ".join(each) for each in names]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        (
+            "blue belongs in the drawer, so stow it and shut it afterwards",
+            "B",
+            ["put_in blue drawer", "close drawer"],
+        ),
+        ("I'd love to hold something yellow", "A", ["hand_over yellow hand"]),
+        ("blue carries red", "A", ["stack red blue"]),
+        ("yellow should ride piggyback on the gray cube", "A", ["stack yellow gray"]),
+        ("turn the wheel, like a pirate", "A", ["turn wheel"]),
+        ("take the red cube, then leave it", "A", ["lift red"]),
+        ("careful, don't let it fall on the floor, lay it in the drawer", "D", ["put_in red drawer"]),
+        ("Wouldn't it be prettier with red standing on yellow?", "A", ["stack red yellow"]),
+        ("no more stacks please", "S", ["pick_and_place blue"]),
+    ],
+)
+def test_an_idiom_means_the_plain_command(sentence, state, steps):
+    assert sorted(done(sentence, state)) == sorted(steps)
+
+
+@pytest.mark.parametrize(
+    "sentence", ["clear the middle", "make some room in the middle", "I need a bit of space in the centre"]
+)
+def test_a_region_that_is_cleared_keeps_nothing(sentence):
+    outcome = said(sentence)
+    assert isinstance(outcome, Plan)
+    assert [NAMES[step.object] for step in outcome.steps] == ["yellow", "yellow"]
+    assert not outcome.steps[-1].takes  # it does not stay in the gripper
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("When the button is up, push it; if it's down, pull the lever.", "A", ["press button"]),
+        ("if the button is down, push it; if it's up, pull the lever", "A", ["switch lever"]),
+        ("if the drawer is closed, open it; if it's open, close it", "A", ["open drawer"]),
+        ("if the drawer is closed, open it; if it's open, close it", "B", ["close drawer"]),
+    ],
+)
+def test_of_two_conditions_that_exclude_each_other_one_counts(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+def test_a_condition_of_what_an_earlier_step_changes_is_weighed_after_it():
+    assert done("press the button; finally close the drawer if it is open", "B") == ["press button", "close drawer"]
+
+
+@pytest.mark.parametrize(
+    ("sentences", "steps"),
+    [
+        (
+            ("open the fridge", "take orange", "put it in there and press the button"),
+            ["put_in orange fridge", "press button"],
+        ),
+        (
+            ("open the fridge", "take orange", "in there with it, and shut it"),
+            ["put_in orange fridge", "close fridge"],
+        ),
+        (("blue on red", "red was wrong, sorry, should've been yellow"), ["lift blue", "stack blue yellow"]),
+        (
+            ("red on gray", "put the yellow one there instead"),
+            ["lift yellow", "stack yellow gray"],
+        ),
+    ],
+)
+def test_there_and_it_mean_what_was_said_before(sentences, steps):
+    _, found = turns(*sentences)
+    assert found[-len(steps) :] == steps
+
+
+def test_a_place_that_was_asked_about_is_the_one_that_is_meant():
+    outcome = said("is there a free place to the right of red? then put gray in it")
+    assert isinstance(outcome, Plan)
+    red = room(FACTS["A"]).things[NAMES.index("red")]
+    assert outcome.steps[-1].verb == "pick_and_place"
+    assert outcome.steps[-1].place[1] < red.y
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "told"),
+    [
+        ("Did someone leave the fridge open again?", "BF", "Yes"),
+        ("What sort of things may I ask of you?", "A", "Say, for example"),
+        ("what colour is the leftmost cube from where you stand", "A", "red"),
+        ("is the cyan cube free on top?", "S", "No"),
+        ("is the blue cube free on top?", "S", "Yes"),
+        ("which cube do you like best?", "A", "no favourite"),
+        ("what is next to the gray cube?", "A", "cube"),
+    ],
+)
+def test_a_roundabout_question_gets_its_answer(sentence, state, told):
+    outcome = said(sentence, state)
+    assert isinstance(outcome, Answer)
+    assert told in outcome.text
+
+
+def test_nothing_is_done_where_nothing_shall_be_done():
+    outcome = said("do absolutely nothing")
+    assert isinstance(outcome, Signal)
+    assert outcome.control == "stop"
+
+
+def test_too_hectic_is_too_fast():
+    outcome, _ = turns("slower", "that's still too hectic for me")
+    assert isinstance(outcome, Signal)
+    assert outcome.control == "slower"
+
+
+def test_all_but_one_go_to_a_side():
+    moved = {NAMES[step.object] for step in said("all but the red one over to the right").steps}
+    assert moved == {"yellow", "blue", "orange", "cyan", "gray"}
+
+
+def test_a_cube_for_the_empty_hand_is_asked_about_or_given():
+    outcome = said("my hand is so empty")
+    assert isinstance(outcome, Question) or outcome.steps[-1].verb == "hand_over"
