@@ -12,6 +12,8 @@ import onnxruntime
 if len(sys.argv) < 2:
     sys.exit(__doc__)
 folder = Path(sys.argv[1])
+if not (folder / "interface.json").is_file():
+    sys.exit(f"{folder} holds no interface.json; name a folder that `python -m deixis export` wrote")
 interface = json.loads((folder / "interface.json").read_text(encoding="utf-8"))
 if not interface["file"].endswith(".onnx"):
     sys.exit(f"{folder} holds {interface['file']}; this program runs files of format=onnx")
@@ -26,6 +28,10 @@ def tokens(sentence):
     found = (word.lower() for word in re.findall(words["pattern"], sentence))
     found = [word.translate(str.maketrans(words["same"])) for word in found if re.match(r"\w", word)]
     ids = {word: number for number, word in enumerate(words["vocabulary"])}
+    if len(found) > len(row):
+        sys.exit(f"the sentence has {len(found)} words; this policy reads at most {len(row)}")
+    if unknown := [word for word in found if word not in ids]:
+        print("words that this policy does not know:", ", ".join(unknown))
     row[: len(found)] = [ids.get(word, ids["<unk>"]) for word in found]
     return row
 

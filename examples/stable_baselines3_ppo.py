@@ -21,15 +21,19 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from torch import Tensor, nn
 
 import envs  # noqa: F401  registers the ids
 from language import Tokenizer
 from language.embedding import PHRASE_WIDTH, PHRASES
+
+try:
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+    from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+except ImportError as error:
+    raise SystemExit(f"{error}: this example needs `pip install stable-baselines3`") from None
 
 PLACE, COLOR, SHAPE, ROLE = slice(0, 3), slice(7, 10), slice(11, 14), slice(15, 16)  # columns of a row of `objects`
 SCALE, SHARP = 5.0, 4.0  # offsets of 0.2 m count as 1; factor of how an object fits

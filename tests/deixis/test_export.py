@@ -77,6 +77,33 @@ def test_the_example_runs_the_file_without_torch_and_deixis(onnx_folder, tmp_pat
     assert second.startswith("action: [")
 
 
+def run_example(*words):
+    program = [sys.executable, ROOT / "examples/run_policy.py", *words]
+    return subprocess.run(program, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.slow
+def test_the_example_names_the_words_that_a_policy_does_not_know(onnx_folder):
+    done = run_example(onnx_folder, "reach the blurple cube")
+    assert done.returncode == 0, done.stderr
+    assert "does not know: blurple" in done.stdout
+
+
+@pytest.mark.slow
+def test_the_example_refuses_a_sentence_that_is_too_long(onnx_folder):
+    done = run_example(onnx_folder, "red " * 200)
+    assert done.returncode == 1
+    assert done.stderr.startswith("the sentence has 200 words")
+    assert "Traceback" not in done.stderr
+
+
+def test_the_example_names_a_folder_that_holds_no_policy(tmp_path):
+    pytest.importorskip("onnxruntime")
+    done = run_example(tmp_path / "none")
+    assert done.returncode == 1
+    assert "none holds no interface.json" in done.stderr
+
+
 @pytest.mark.slow
 def test_the_interface_describes_inputs_words_robot_and_control(onnx_folder):
     interface, (samples, action) = interface_of(onnx_folder), samples_of(onnx_folder)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -37,6 +38,12 @@ def test_stable_baselines3_learns_for_a_few_batches(capsys):
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines() if line.startswith("{")]
     assert rows[0]["frames"] == 1024
     assert 0 <= rows[0]["success"] <= 1
+
+
+def test_an_example_says_which_library_it_needs(monkeypatch):
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    with pytest.raises(SystemExit, match="this example needs `pip install stable-baselines3`"):
+        example("stable_baselines3_ppo")
 
 
 @pytest.mark.slow
