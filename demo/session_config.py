@@ -104,9 +104,9 @@ class SavedPolicy:
 
 @cache
 def pretrained_policies() -> tuple[SavedPolicy, ...]:
-    """The policies that come with the project."""
+    """The policies that come with the project. Their configs are not composed, which would take a second for all."""
     folders = [policy_file.FOLDER / name for name in policy_file.names()]
-    return tuple(_saved_policy(folder, _load(folder)) for folder in folders)
+    return tuple(_saved_policy(folder, checkpoint.load(checkpoint.find(folder), given=None)) for folder in folders)
 
 
 def _saved_policy(path: Path, payload: dict[str, Any]) -> SavedPolicy:
