@@ -2,7 +2,7 @@
 
 import pytest
 
-from language import Answer, Dialogue, Plan, Question, Signal
+from language import Answer, Dialogue, Plan, Question, Refusal, Signal
 from tests.helpers.sets_room import FACTS, NAMES, done, room, said
 
 
@@ -32,6 +32,10 @@ def turns(*sentences, state="A"):
         ("yellow should ride piggyback on the gray cube", "A", ["stack yellow gray"]),
         ("turn the wheel, like a pirate", "A", ["turn wheel"]),
         ("take the red cube, then leave it", "A", ["lift red"]),
+        ("my palm is out, I want blue in it", "A", ["hand_over blue hand"]),
+        ("careful, put that down before you drop it", "D", ["pick_and_place red"]),
+        ("push it two times, the button", "A", ["press button"]),
+        ("somebody left the drawer hanging open, sort it", "B", ["close drawer"]),
         ("careful, don't let it fall on the floor, lay it in the drawer", "D", ["put_in red drawer"]),
         ("Wouldn't it be prettier with red standing on yellow?", "A", ["stack red yellow"]),
         ("no more stacks please", "S", ["pick_and_place blue"]),
@@ -79,6 +83,10 @@ def test_a_condition_of_what_an_earlier_step_changes_is_weighed_after_it():
             ("open the fridge", "take orange", "in there with it, and shut it"),
             ["put_in orange fridge", "close fridge"],
         ),
+        (
+            ("stack blue on cyan", "remove the blue cube and put orange there in its place"),
+            ["lift orange", "stack orange cyan"],
+        ),
         (("blue on red", "red was wrong, sorry, should've been yellow"), ["lift blue", "stack blue yellow"]),
         (
             ("red on gray", "put the yellow one there instead"),
@@ -115,6 +123,13 @@ def test_a_roundabout_question_gets_its_answer(sentence, state, told):
     outcome = said(sentence, state)
     assert isinstance(outcome, Answer)
     assert told in outcome.text
+
+
+@pytest.mark.parametrize(
+    "sentence", ["put the red and the blue cube together in the drawer", "blue one metre to the left"]
+)
+def test_what_cannot_be_done_whole_is_not_done_in_part(sentence):
+    assert isinstance(said(sentence), Refusal)
 
 
 def test_nothing_is_done_where_nothing_shall_be_done():
