@@ -59,6 +59,17 @@ _AFTER_ANSWER = re.compile(  # "is anything in it?" - "Yes: ..." - "if so, take 
     r"(?:if (?:so|yes|it is|it does|there is|they are|that is (?:so|right|true))|in that case)"
     r"(?: ,)?(?: then)? (?P<do>.+)"
 )
+_SUBJECT, _STATE = r"(?:it|(?:\w+ )?(?:drawer|fridge|button|lever|wheel))", r"(?:open|closed|shut|up|down|on|off)"
+_TWO_SIDED = (  # two conditions of one thing in one breath, and the same as two clauses
+    (
+        rf"^if ({_SUBJECT}) is ({_STATE}) (?:, )?(.+?) (?:, )?and if ({_SUBJECT}) is ({_STATE}) (?:, )?(.+)$",
+        r"if \1 is \2 , \3 ; if \4 is \5 , \6",
+    ),
+    (
+        rf"^(\w+) ({_SUBJECT}) if {_SUBJECT} is ({_STATE})(?: ,| and| ;)+ (\w+) it if it is ({_STATE})$",
+        r"if \2 is \3 , \1 it ; if \2 is \5 , \4 it",
+    ),
+)
 _STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
 _INVERTED = re.compile(r"^(should|must|may|can|shall) (.+?) (go|be|stand|lie|come|move|get)\b")  # "only if ..."
 _SOMEBODY = re.compile(
@@ -269,6 +280,8 @@ class Conditions(GoingOn):
         last = self.turns[-1].outcome if self.turns else None
         if told is None or not isinstance(last, Answer) or not re.match(r"(?:Yes|No)\b", last.text):
             return None
+        if re.search(r"\b(?:if|otherwise|else)\b", told["do"]):  # "if it is, ...; if not, ...": both are weighed
+            return None
         if last.text.startswith("No"):
             why = f"I do nothing, because {last.text.partition(': ')[2] or 'it is not so'}"
             return Answer(sentence, 1.0, (), (0, len(sentence)), text=why)
@@ -287,6 +300,8 @@ class Conditions(GoingOn):
         plain = plain_start(sentence).replace(" 's ", " is ")
         plain = re.sub(r"(?: ,)? but (?=only (?:if|when)\b)", " ", _TELL_IF.sub("", plain))
         plain = _NONE_INSIDE.sub(lambda _: f"{'it' if self.box is None else name(self.now, self.box)} is empty", plain)
+        for pattern, clauses in _TWO_SIDED:
+            plain = re.sub(pattern, clauses, plain)
         text = trial._without_lead(_IF_SO.sub(r"\1 , then", plain))
         for number in range(MOST):
             found = conditional(text)

@@ -72,9 +72,10 @@ _ONE_MORE = re.compile(  # of a tower: "and another one on top", "make it higher
     r" (?:(?:even|a bit|a little|still|one \w+) )*(?:higher|taller))"
     r"(?: as well| too| please| now)*"
 )
-_BY = re.compile(  # "2 cm more"
-    r"(?:(?:and|now|no|okay|ok|but|please|,) )*(?:another )?(?P<length>(?:\d+(?:[.,]\d+)?|\w+)"
-    r" (?:cms?|centimet\w+|mm|millimet\w+|inch(?:es)?))(?: more| further| again)?(?: please)?"
+_BY = re.compile(  # "2 cm more", "another 5"
+    r"(?:(?:and|now|no|okay|ok|but|please|,) )*(?:(?P<more>another) )?(?:(?P<length>(?:\d+(?:[.,]\d+)?|\w+)"
+    r" (?:cms?|centimet\w+|mm|millimet\w+|inch(?:es)?))|(?P<number>\d+(?:[.,]\d+)?|two|three|four|five|ten))"
+    r"(?P<again> more| further| again)?(?: in same direction)?(?: please)?"
 )
 _WAYS = {"left": "to the left", "right": "to the right", "forward": "forward", "backward": "backward"}
 _OF_BOXES = re.compile(  # "in the closed one"
@@ -317,9 +318,15 @@ class Replies(Recollections):
         """Return plain words for "2 cm more" after something was moved to one side, or None."""
         match, done = _BY.fullmatch(text), self.done()
         reading = done.outcome.reading if done is not None and isinstance(done.outcome, Plan) else None
-        places = further(reading).steps[-1].places if reading is not None else ()
-        side = places[0].value if places and places[0].name == "direction" else None
-        return f"move it {match['length']} {_WAYS[side]}" if match and side in _WAYS else None
+        place = next(iter(further(reading).steps[-1].places), None) if match and reading is not None else None
+        if match is None or place is None:
+            return None
+        more = place.measure is not None and (match["more"] or match["again"])
+        length = match["length"] or (f"{match['number']} cm" if more else None)
+        towards = self.planner().resolver(self.now, self.it).resolve(place.anchors[0]) if place.anchors else []
+        if length and place.name == "toward" and towards and towards[0].things:
+            return f"move it {length} closer to {name(self.now, towards[0].things[-1])}"
+        return f"move it {length} {_WAYS[place.value]}" if length and place.value in _WAYS else None
 
     def _one_more(self) -> str | None:
         """Return plain words that put a further thing on the tower that was built last, or None."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
+from language.objects import DEVICES
 from language.outcomes import Step
 from language.spots import BRUSHED, a_name, is_elsewhere, pinned
 from language.steps import CARRY
@@ -109,15 +110,18 @@ def _with_pair(last: Reading, one: Entity, other: Entity) -> list[Reading]:
     return [replace(last, steps=(*steps[:at], *put.steps, *steps[at + 1 :]), cost=0.0)]
 
 
-def _object_clause(steps: tuple[Clause, ...]) -> int | None:
-    """Return the index of the last clause that names its object."""
+def _object_clause(steps: tuple[Clause, ...], new: Entity) -> int | None:
+    """Return the index of the last clause that names its object; of a loose thing, if the new phrase can be one."""
     named = [at for at, step in enumerate(steps) if step.entity is not None and step.entity.kind != "it"]
+    loose = [at for at in named if steps[at].act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY)]
+    if loose and new.noun not in (*ENCLOSING, *DEVICES):  # "put blue in the drawer and close it - no, the red one"
+        return loose[-1]
     return named[-1] if named else (len(steps) - 1 if steps else None)
 
 
 def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...] | None:
     """Return the clauses with another object in the last that names one, and in those before with the same thing."""
-    at = _object_clause(steps)
+    at = _object_clause(steps, entity)
     if at is None:
         return None
     shown = getattr(steps[at].entity, "pointed", None)
@@ -127,7 +131,7 @@ def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...] |
 
 def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:
     """Return the new phrase with the words of the old one that it lacks: noun and colour, noun, or nothing."""
-    at = _object_clause(steps)
+    at = _object_clause(steps, new)
     old = None if at is None else steps[at].entity
     if old is None or new.kind != "thing" or old.kind != "thing":
         return [new]

@@ -14,7 +14,7 @@ def turns(*sentences, state="A"):
         world = dialogue.now
     names = [
         (step.verb, NAMES[step.object], *([NAMES[step.goal]] if step.goal is not None else []))
-        for step in outcome.steps
+        for step in getattr(outcome, "steps", ())
     ]
     return outcome, [" ".join(each) for each in names]
 
@@ -62,6 +62,9 @@ def test_a_region_that_is_cleared_keeps_nothing(sentence):
         ("if the button is down, push it; if it's up, pull the lever", "A", ["switch lever"]),
         ("if the drawer is closed, open it; if it's open, close it", "A", ["open drawer"]),
         ("if the drawer is closed, open it; if it's open, close it", "B", ["close drawer"]),
+        ("if the drawer is closed open it and if the drawer is open close it", "A", ["open drawer"]),
+        ("open the drawer if it is closed, close it if it is open", "A", ["open drawer"]),
+        ("open the drawer if it is closed, close it if it is open", "B", ["close drawer"]),
     ],
 )
 def test_of_two_conditions_that_exclude_each_other_one_counts(sentence, state, steps):
@@ -87,6 +90,16 @@ def test_a_condition_of_what_an_earlier_step_changes_is_weighed_after_it():
             ("stack blue on cyan", "remove the blue cube and put orange there in its place"),
             ["lift orange", "stack orange cyan"],
         ),
+        (
+            ("put the blue cube in the drawer and close it", "no, the red one"),
+            ["lift red", "put_in red drawer", "close drawer"],
+        ),
+        (
+            ("open the fridge, put the red cube in it and close it", "I meant the yellow cube"),
+            ["lift yellow", "put_in yellow fridge", "close fridge"],
+        ),
+        (("put blue in the drawer and close it", "no, the fridge"), ["put_in blue fridge", "close fridge"]),
+        (("is the drawer open?", "if it is open, close it; if it is closed, open it"), ["open drawer"]),
         (("blue on red", "red was wrong, sorry, should've been yellow"), ["lift blue", "stack blue yellow"]),
         (
             ("red on gray", "put the yellow one there instead"),
@@ -117,6 +130,9 @@ def test_a_place_that_was_asked_about_is_the_one_that_is_meant():
         ("is the blue cube free on top?", "S", "Yes"),
         ("which cube do you like best?", "A", "no favourite"),
         ("what is next to the gray cube?", "A", "cube"),
+        ("is everything closed?", "A", "Yes"),
+        ("is everything closed?", "B", "No"),
+        ("is everything open now?", "B", "No"),
     ],
 )
 def test_a_roundabout_question_gets_its_answer(sentence, state, told):
@@ -130,6 +146,29 @@ def test_a_roundabout_question_gets_its_answer(sentence, state, told):
 )
 def test_what_cannot_be_done_whole_is_not_done_in_part(sentence):
     assert isinstance(said(sentence), Refusal)
+
+
+@pytest.mark.parametrize("more", ["another 5", "and another 5 cm", "5 cm more", "another five in the same direction"])
+def test_a_length_alone_goes_on_in_the_same_direction(more):
+    first, _ = turns("move the yellow cube 5 cm to the left")
+    second, found = turns("move the yellow cube 5 cm to the left", more)
+    assert found == ["lift yellow", "pick_and_place yellow"]
+    assert second.steps[-1].place[1] - first.steps[-1].place[1] == pytest.approx(0.05, abs=0.015)
+
+
+def test_a_length_alone_goes_on_towards_the_same_thing():
+    _, found = turns("move the yellow cube 5 cm closer to the button", "and another 5")
+    assert found == ["lift yellow", "pick_and_place yellow"]
+
+
+@pytest.mark.parametrize("sentence", ["put the red cube on the hand", "lay the red one in the hand please"])
+def test_the_hand_is_the_persons(sentence):
+    assert done(sentence) == ["hand_over red hand"]
+
+
+def test_something_else_is_asked_about():
+    outcome, _ = turns("put the cyan cube on the gray one", "take it off and put something else there")
+    assert isinstance(outcome, Question)
 
 
 def test_nothing_is_done_where_nothing_shall_be_done():
