@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -97,6 +98,29 @@ def test_the_example_refuses_a_sentence_that_is_too_long(onnx_folder):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("samples.npz", None), ("interface.json", "[]"), ("interface.json", "{"), ("policy.onnx", "x")],
+)
+def test_the_example_says_that_a_file_is_missing_or_damaged(onnx_folder, tmp_path, name, content):
+    folder = shutil.copytree(onnx_folder, tmp_path / "policy")
+    (folder / name).unlink()
+    if content is not None:
+        (folder / name).write_text(content)
+    done = run_example(folder, "reach the red cube")
+    assert done.returncode == 1
+    assert "lacks a file, or one is damaged" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_the_example_refuses_a_sentence_without_words(onnx_folder):
+    done = run_example(onnx_folder, "")
+    assert done.returncode == 1
+    assert done.stderr.strip() == "the sentence has no words"
+
+
 def test_the_example_names_a_folder_that_holds_no_policy(tmp_path):
     pytest.importorskip("onnxruntime")
     done = run_example(tmp_path / "none")
@@ -131,7 +155,7 @@ def test_the_interface_describes_inputs_words_robot_and_control(onnx_folder):
 )
 def test_the_rule_of_the_interface_gives_the_tokens_of_the_project(onnx_folder, sentence):
     source = (ROOT / "examples/run_policy.py").read_text(encoding="utf-8")
-    function = source[source.index("def tokens") : source.index("samples = dict")]
+    function = source[source.index("def tokens") : source.index('print("greatest')]
     scope = {"interface": interface_of(onnx_folder), "np": np, "re": __import__("re")}
     exec(function, scope)
     policy = deixis.load_policy("anything_kuka")
