@@ -36,5 +36,10 @@ def done(sentence, state="A"):
     outcome = said(sentence, state)
     assert isinstance(outcome, Plan), outcome
     steps = [s for s, after in zip(outcome.steps, [*outcome.steps[1:], None], strict=True) if not s.takes or not after]
-    found = [(s.verb, NAMES[s.object], *([NAMES[s.goal]] if s.goal is not None else [])) for s in steps]
-    return [" ".join(each) for each in found]
+    return named(steps)
+
+
+def named(steps):
+    """What steps do with what and where, as words."""
+    goals = [[NAMES[step.goal]] if step.goal is not None else [] for step in steps]
+    return [" ".join([step.verb, NAMES[step.object], *goal]) for step, goal in zip(steps, goals, strict=True)]

@@ -3,6 +3,7 @@
 import pytest
 
 from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, Signal, table
+from tests.helpers.room_cases import outcome_of
 from tests.helpers.sets_room import FACTS, NAMES, done, room, said
 
 
@@ -203,10 +204,7 @@ def test_what_is_asked_of_several_places_or_things_is_told_of_each(question, sta
 
 def turns(*sentences, state="A"):
     """The outcome of the last of some turns, and what its steps do with what."""
-    dialogue, world = Dialogue(), room(FACTS[state])
-    for sentence in sentences:
-        outcome = dialogue.answer(sentence, world)
-        world = dialogue.now
+    outcome = outcome_of(" / ".join(sentences), room(FACTS[state]))
     return outcome, [f"{step.verb} {NAMES[step.object]}" for step in outcome.steps]
 
 
