@@ -106,7 +106,7 @@ class SavedPolicy:
 def pretrained_policies() -> tuple[SavedPolicy, ...]:
     """The policies that come with the project. Their configs are not composed, which would take a second for all."""
     folders = [policy_file.FOLDER / name for name in policy_file.names()]
-    return tuple(_saved_policy(folder, checkpoint.load(checkpoint.find(folder), given=None)) for folder in folders)
+    return tuple(_saved_policy(folder, _load(folder, given=None)) for folder in folders)
 
 
 def _saved_policy(path: Path, payload: dict[str, Any]) -> SavedPolicy:
@@ -114,7 +114,7 @@ def _saved_policy(path: Path, payload: dict[str, Any]) -> SavedPolicy:
     return SavedPolicy(path, config["task"]["name"], config["robot"]["name"], config["control"]["name"])
 
 
-def _load(path: Path, given: Sequence[str] = ()) -> dict[str, Any]:
+def _load(path: Path, given: Sequence[str] | None = ()) -> dict[str, Any]:
     return checkpoint.load(checkpoint.find(path), given=given)
 
 

@@ -329,9 +329,9 @@ class Conditions(GoingOn):
         text: the whole sentence. after: what follows the condition in it.
         """
         other = conditional(after) if _BEGINS.match(after) and f"then {after}" not in text else None
-        return (
-            other.after if other and not other.before and self._weighed(other, made, later=True).does == "" else after
-        )
+        if other is None or other.before or self._weighed(other, made, later=True).does != "":
+            return after
+        return other.after
 
     def _without_lead(self, plain: str) -> str:
         """Return a sentence without what only names a thing: "I forgot where X is; if it is in the drawer, ..."."""

@@ -78,9 +78,8 @@ _BESIDE_IT = re.compile(  # "where is the red cube?", "and behind it?"
 )
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
-_ROOM_THERE = re.compile(
-    r"is there .*\b(?:place|space|room|spot) (?!for\b|in\b|left$)"
-)  # "... beside it? put it there"
+# "is there room beside it? put it there"
+_ROOM_THERE = re.compile(r"is there .*\b(?:place|space|room|spot) (?!for\b|in\b|left$)")
 
 
 @dataclass
