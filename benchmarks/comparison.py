@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.store import digest_of
+from benchmarks.row_book import digest_of
 from core.system import import_optional
 
 Array = NDArray[np.float64]

@@ -8,9 +8,10 @@
     python -m benchmarks.reproduce --write                      # only write the pages
     python -m benchmarks.reproduce --check                      # do the pages show what the store has?
 
-`benchmarks/rows.yaml` declares the rows, `benchmarks/store.py` describes the store. A run that has its result is not
+`benchmarks/rows.yaml` declares the rows, `benchmarks/row_book.py` describes the store. A run that has its result is not
 made again. One that was killed goes on with the command at which it was, by the program's own resume where it has one,
 unless the commit is another one. A try that takes longer than the row's budget is ended, and the next one goes on.
+`python -m benchmarks.same_bits` keeps figures over changes of the code that leave them as they are.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.comparison import compare, comparison_table
-from benchmarks.store import ReproducedRow, RowBook
+from benchmarks.row_book import ReproducedRow, RowBook
 from core.errors import ConfigError, RunError
 from core.program import program
 from core.system import cores, signal_at_parent_death, system_info
@@ -146,7 +147,7 @@ class StepRunner:
         return {path for path in found if not path.startswith((own, "outputs" + os.sep, "build" + os.sep))}
 
     def _result(self, seconds: float, commands: list[str]) -> dict[str, Any]:
-        values = self._values(len(commands))
+        values = self.values(len(commands))
         figures = {key: find(values, key) for key in self.book.keys(self.row)}
         if not isinstance(figures[self.row.figure], int | float):
             raise RunError(f"{self.name} has no number {self.row.figure!r} in {self.kind.read}")
@@ -156,8 +157,8 @@ class StepRunner:
         result |= {"seconds": round(seconds, 1), "date": datetime.now(UTC).date().isoformat()}
         return result | {"commit": commit(self.book.root), "machine": system_info()}
 
-    def _values(self, steps: int) -> dict[str, Any]:
-        """Return the JSON object that has the figure."""
+    def values(self, steps: int) -> dict[str, Any]:
+        """Return the JSON object that has the figure. steps: how many the kind has."""
         printed = self.kind.read == "printed"
         path = self.folder / (f"step{steps}.txt" if printed else self.kind.read)
         text = path.read_text() if path.exists() else ""
@@ -356,7 +357,7 @@ def table(book: RowBook, kind: str, name: str, found: dict[str, Any]) -> str:
 def written(lines: Sequence[Sequence[str]]) -> str:
     """Return a Markdown table of lines of cells, head first."""
     head, *body = [f"| {' | '.join(line)} |" for line in lines]
-    return "\n".join([head, "|---" * len(lines[0]) + "|", *body, ""]).replace("|  |", "| |")
+    return re.sub(r"\|  (?=\|)", "| ", "\n".join([head, "|---" * len(lines[0]) + "|", *body, ""]))
 
 
 def matrix(rows: Sequence[ReproducedRow], found: dict[str, Any]) -> list[list[str]]:

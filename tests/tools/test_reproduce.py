@@ -22,7 +22,7 @@ matrices: [grid, field]
 compared: [field]
 summary: results.json
 kinds:
-  printed: {steps: ["python task.py {words} {seed}"], read: printed}
+  printed: {steps: ["python task.py {words} {seed}"], read: printed, probe: ["python task.py {words} {seed} short"]}
   slow:
     steps: ["python task.py slow {seed} {folder}", "python task.py 0.5 {seed}"]
     resume: python task.py resumed {seed} {folder}
@@ -46,7 +46,7 @@ if words[0] in ("slow", "resumed"):
     time.sleep(60 if words[0] == "slow" else 0)
 else:
     success = helper.SHARE * float(words[0]) - 0.1 * int(words[1]) * (int(words[1]) == 1)
-    print(json.dumps({"success_at_end": success, "ci95": [0.5, 1.0], "right": 30, "tried": 40}))
+    print(json.dumps({"success_at_end": success, "ci95": [0.5, 1.0], "right": 30, "tried": 40, "seconds": time.time()}))
 """
 PAGE = "# Page\n<!-- rows: plain -->\n<!-- end of rows -->\ntext\n<!-- rows: grid -->\n<!-- end of rows -->\n"
 PAGE += "<!-- comparison: field -->\n<!-- end of rows -->\n"
@@ -166,6 +166,66 @@ def test_a_changed_file_makes_a_result_stale_until_it_is_run_again(project):
     reproduce(project, "--rows", "plain/good", "--seeds", "0", "--again")
     assert stored(project, "plain/good/0.json")["figures"]["success_at_end"] == 0.45
     assert "†" not in (project / "page.md").read_text()
+
+
+@pytest.fixture
+def change(project):
+    """Gives a function that changes a file of the project and commits it."""
+
+    def commit(name, text):
+        (project / name).write_text(text)
+        identity = ["-c", "user.name=someone", "-c", "user.email=someone@example.org"]
+        for words in (["add", "--all"], [*identity, "commit", "--quiet", "--message", name]):
+            subprocess.run(["git", *words], cwd=project, check=True)
+
+    subprocess.run(["git", "init", "--quiet"], cwd=project, check=True)
+    commit(".gitignore", "outputs/\n__pycache__/\n")
+    return commit
+
+
+def same_bits(project, *words, code=0):
+    rows = str(project / "benchmarks" / "rows.yaml")
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.same_bits", *words, "--file", rows], capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.returncode == code, done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_a_change_without_effect_keeps_the_results_of_all_runs_of_a_group(project, change):
+    reproduce(project, "--rows", "plain/good")
+    before = stored(project, "plain/good/1.json")
+    change("helper.py", "SHARE = 1.0  # of the words\n")
+    assert "plain/good 1: changed" in reproduce(project, "--stale")
+    assert "plain/good 0, for 2 runs: the same 5 numbers" in same_bits(project, "HEAD~1")
+    assert reproduce(project, "--stale").strip() == ""
+    after = stored(project, "plain/good/1.json")
+    assert {key: after[key] for key in ("figures", "commit", "seconds")} == {
+        key: before[key] for key in ("figures", "commit", "seconds")
+    }
+    assert [note["compared"] for note in after["kept"]] == ["plain/good 0"]
+    assert not list((project / ".git" / "worktrees").glob("*"))
+
+
+@pytest.mark.slow
+def test_a_change_with_an_effect_leaves_results_outdated(project, change):
+    reproduce(project, "--rows", "plain/good")
+    change("helper.py", "SHARE = 0.99999\n")
+    said = same_bits(project, "HEAD~1", code=1)
+    assert "plain/good 0, for 2 runs: differs in 1 of 5 numbers, first success_at_end 0.9 -> 0.89" in said
+    assert "1 groups remain outdated" in said
+    assert "plain/good 1: changed" in reproduce(project, "--stale")
+
+
+def test_only_results_of_the_code_of_the_commit_are_compared(project, change):
+    reproduce(project, "--rows", "plain/good", "--seeds", "0")
+    change("helper.py", "SHARE = 0.5\n")
+    change("helper.py", "SHARE = 0.50\n")
+    assert "0 runs in 0 groups have changed since HEAD~1" in same_bits(project, "HEAD~1")
+    assert "git has no tree of the commit nothing" in same_bits(project, "nothing", code=1)
+    (project / "helper.py").write_text("SHARE = 0.25\n")
+    assert "code differs from the last commit" in same_bits(project, "HEAD~1", code=1)
 
 
 @pytest.mark.parametrize(
