@@ -18,6 +18,7 @@ import hydra
 
 from core.command_line import check_run
 from core.composition import quoted, raised_by_hydra, split_run_folder, with_choices
+from core.errors import ConfigError
 from core.machine_limits import require_threads
 from core.overrides import apply
 from core.path_keys import escaped, from_hydra
@@ -80,9 +81,11 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.collect import fork_server
     from trainers.config import read_training, uses_processes
     from trainers.run.progress import Progress
-    from trainers.run.requirements import check_start
+    from trainers.run.requirements import check_start, check_unused
 
     env_config, training = read_env(config), choose_compilation(config, read_training(config))
+    if not config.resume:
+        check_unused(folder)
     check_start(training, folder)
     if uses_processes(training.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
@@ -147,13 +150,20 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
         overrides: applied on top of the run's config.
 
     Raises:
-        ConfigError: there is no checkpoint, or an override does not apply to it.
+        ConfigError: there is no checkpoint, an override does not apply to it, or it has more frames than are wanted.
     """
     from trainers.run.checkpoint import find, load
 
     file = find(Path(path), key="resume")
     overrides = [word for word in overrides if not word.startswith("resume=")]
-    config = apply(load(file, to_train=True, given=overrides)["config"], overrides)
+    payload = load(file, to_train=True, given=overrides)
+    config, frames = apply(payload["config"], overrides), payload["counters"]["frames"]
+    if config.total_frames < frames:
+        raise ConfigError(
+            f"total_frames={config.total_frames} is less than the {frames} frames of resume={path}; give more"
+        )
+    if file != Path(path) and file.name == "best.pt":
+        print(f"{path} has no last.pt: its best.pt of {frames} frames goes on, with new episodes", flush=True)
     config.resume = escaped(path)
     return config, file.parent.parent if file.parent.name == "checkpoints" else None
 

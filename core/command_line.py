@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -41,7 +42,8 @@ def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[d
         The program's keys with their values, and the other arguments unchanged.
 
     Raises:
-        ConfigError: an argument is not of the form key=value, or one of the program's own is empty or given twice.
+        ConfigError: an argument is not of the form key=value, or one of the program's own is empty, given twice or
+            misspelled.
     """
     own: dict[str, str] = {}
     others = []
@@ -55,8 +57,10 @@ def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[d
             raise ConfigError(f"{word} has no value; give {key}=<value>, or leave it out")
         if key in names:
             own[key] = value
-        else:
-            others.append(word)
+            continue
+        if get_close_matches(key, names, n=1) and key not in groups() and "." not in key and key not in known_keys(()):
+            raise ConfigError(f"{word}: {key} is not a known key" + did_you_mean(key, names))
+        others.append(word)
     return own, others
 
 

@@ -163,6 +163,31 @@ def test_resume_continues_in_the_same_folder(tiny_run, tmp_path):
     assert frames[-1] == 320
 
 
+def test_a_new_run_never_overwrites_another_one(tiny_run):
+    before = (tiny_run / "metrics.csv").read_bytes()
+    done = call(partial(train.cli, [*TINY_RUN, "seed=6", f"hydra.run.dir={tiny_run}"]), ROOT)
+    check_refusal(done.code, done.out, done.err, [f"hydra.run.dir={tiny_run}", f"resume={tiny_run}"])
+    assert (tiny_run / "metrics.csv").read_bytes() == before
+
+
+def test_a_run_is_not_resumed_to_fewer_frames_than_it_has(tiny_run):
+    before = (tiny_run / "config.yaml").read_bytes()
+    with pytest.raises(
+        ConfigError, match=f"total_frames=128 is less than the 256 frames of resume={tiny_run}; give more"
+    ):
+        train.resumed(str(tiny_run), ["total_frames=128"])
+    assert (tiny_run / "config.yaml").read_bytes() == before
+
+
+def test_a_run_that_goes_on_from_its_best_policy_says_so(tiny_run, tmp_path, capsys):
+    copied = Path(shutil.copytree(tiny_run, tmp_path / "run"))
+    (copied / "checkpoints" / "last.pt").unlink()
+    train.resumed(str(copied), [])
+    assert "has no last.pt: its best.pt of " in capsys.readouterr().out
+    train.resumed(str(copied / "checkpoints" / "best.pt"), [])
+    assert capsys.readouterr().out == ""
+
+
 def test_the_same_seed_gives_the_same_training_bit_for_bit(tiny_run, tmp_path):
     def rows(folder: Path) -> list[dict[str, float]]:
         measured = read_metrics(folder / "metrics.csv")
@@ -222,7 +247,7 @@ def test_bad_input_ends_the_process_with_one_clear_message():
         (["checkpoint={run}", "robot=panda"], "trained with robot=kuka"),
         (["checkpoint={run}", "control=joints"], "trained with control=step"),
         (["checkpoint={run}", "episodes=0"], "episodes=0"),
-        (["checkpoint={run}", "epsiodes=3"], "epsiodes"),
+        (["checkpoint={run}", "epsiodes=3"], "epsiodes=3: epsiodes is not a known key; did you mean 'episodes'"),
         (["checkpoint={run}/eval.json"], "not a checkpoint of this project"),
         (["checkpoint={run}", "words=loud"], "words=loud is not known"),
         (["checkpoint={run}", "words=swapped", "worlds=1"], "worlds of at least 2"),

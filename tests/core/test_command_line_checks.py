@@ -122,6 +122,13 @@ def test_arguments_of_a_program_are_given_once_and_with_a_value():
         split(["out="], ["out"], "episodes=1")
 
 
+def test_a_misspelt_argument_of_a_program_gets_its_nearest_name():
+    with pytest.raises(ConfigError, match="episods=1: episods is not a known key; did you mean 'episodes'"):
+        split(["episods=1"], ["episodes", "out"], "episodes=1")
+    kept = ["seed=1", "eval.episodes=2", "robot=panda"]  # keys of the config, however near to an argument's name
+    assert split(kept, ["seeds", "episodes", "robots"], "episodes=1") == ({}, kept)
+
+
 def test_places_that_cannot_be_written_are_found_before_the_work(tmp_path):
     (tmp_path / "file").touch()
     for place in ("/proc/x", tmp_path / "file" / "x", "/nosuch" * 1000, "a\0b"):

@@ -74,11 +74,12 @@ def write(
     return metadata
 
 
-def read(folder: Path, cameras: Sequence[str] = ()) -> tuple[dict[str, Any], Iterator[Demonstration]]:
+def read(folder: str | Path, cameras: Sequence[str] = ()) -> tuple[dict[str, Any], Iterator[Demonstration]]:
     """Return the metadata and the episodes of a recording, with the pictures of these cameras.
 
     Raises ConfigError for a missing or damaged recording, and for a camera that it lacks.
     """
+    folder = Path(folder)
     file = folder / METADATA
     if not file.is_file():
         problem = f"is not a recording of this project: it has no {METADATA}" if folder.exists() else "does not exist"

@@ -43,8 +43,9 @@ def publish(folder: Path, place: Path) -> Path:
     Raises:
         ConfigError: the run has not finished, or the directory exists; nothing is written.
     """
+    files = _files(folder, place)
     with atomic_directory(place) as temporary:
-        for name, content in _files(folder, place).items():
+        for name, content in files.items():
             if len(content) >= MAX_BYTES:
                 size = f"{len(content):,} bytes"
                 raise ConfigError(f"{place / name} would have {size}; a file must have less than {MAX_BYTES:,}")

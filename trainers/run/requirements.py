@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from core.errors import ConfigError
 from core.machine_limits import require_disk, require_docstrings, require_files, require_shared_memory, require_threads
 from core.system import cores
 from trainers.config import TrainingConfig, frames_per_batch, uses_processes, workers
@@ -31,6 +32,14 @@ def check_start(training: TrainingConfig, folder: Path) -> None:
     if count:
         require_shared_memory(MIN_SHARED)
     require_disk(folder, START_FREE, "a run needs at least")
+
+
+def check_unused(folder: Path) -> None:
+    """Check that a new run overwrites no other one. Raises ConfigError."""
+    if any((folder / "checkpoints").glob("*.pt")):
+        raise ConfigError(
+            f"hydra.run.dir={folder} has the checkpoints of a run: go on with resume={folder}, or give another folder"
+        )
 
 
 def check_sizes(

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.parametrize("form", FORMATS)
 def test_reading_returns_what_was_recorded(recordings, recorded_episodes, form):
-    metadata, read_episodes = dataset.read(recordings[form])
+    metadata, read_episodes = dataset.read(str(recordings[form]))
     last = None if form == "minari" else -1  # LeRobot does not store the observation after the last action
     for read, expected in zip(read_episodes, recorded_episodes, strict=True):
         assert (read.seed, read.sentence) == (expected.seed, expected.sentence)

@@ -100,6 +100,12 @@ def test_a_run_that_cannot_be_published_is_refused_and_leaves_nothing(copy, tmp_
     assert not list(place.rglob("*")) if place.is_dir() else not list(tmp_path.rglob("*.safetensors"))
 
 
+def test_a_run_that_is_not_there_leaves_no_folder(tmp_path):
+    with pytest.raises(ConfigError, match="nothing"):
+        publish.main([str(tmp_path / "nothing"), str(tmp_path / "pretrained" / "name")])
+    assert not list(tmp_path.iterdir())
+
+
 def rewrite(file, **values):
     kept = {name: value for name, value in json.loads(file.read_text()).items() if name != "sha256"}
     file.write_text(json.dumps(kept | values))
