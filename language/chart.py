@@ -377,7 +377,8 @@ class Chart:
             for item in [Item(edge.end, None, 0.0), *measures]:
                 relation = RelationPhrase("direction", (), item.value, edge.value, (start, item.end))
                 away = 0.5 * (self.lattice.table and self.lattice.text(start) == "away")  # rather a part of the verb
-                found.append(Item(item.end, relation, edge.cost + item.cost + away))
+                side = self.lattice.table and start > 0 and self.lattice.text(start - 1) == "on"  # "on the left"
+                found.append(Item(item.end, relation, edge.cost + item.cost + away + side * costs.WAY_FOR_SIDE))
         for edge in get(start, "not"):
             for item in self.relations(edge.end):
                 if item.value.name == "not":  # "but not the red one"

@@ -25,6 +25,7 @@ NEAREST_PLACE = 1.5  # "nearest to" as a place; it mostly says which thing
 TOPIC_LEFT = 2.0  # "the cube next to the red one, then the blue one": nothing is said of the first
 TOPIC_TAKEN = 2.0  # "the cube next to the red one, lift it": rather the place says which one, not where it goes
 BARE_DIRECTION = 0.3  # "the cube left"
+WAY_FOR_SIDE = 1.0  # "put the cubes on | the left": rather the place on the left than the way there
 BARE_PLACE = 0.3  # "in" for the container that was spoken of, "back" for the former place
 LISTED = 0.5  # "the red cube and the blue one" as one object
 PLACED_LIST = 0.7  # "the cube on the red one and the blue one | on the gray one": rather two commands
