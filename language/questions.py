@@ -123,15 +123,12 @@ class Questions(Alternatives):
         if entity is not None and not self.world.cells and self._says_more(tokens, entity.span):
             return None, []
         things = real(self.world, found)
+        kind = entity.kind if entity is not None else ""
         if entity is not None and entity.role == "target":
             things = [ref.things[-1] for ref in found if ref.things]
-        if (
-            entity is not None
-            and entity.kind == "it"
-            and not entity.plural
-            and self.planner.box is not None
-            and not things
-        ):
+        if kind == "stack" and not self.world.cells:
+            things = [i for i in things if self.world.below[i] is not None]  # one cube is no tower
+        if entity is not None and kind == "it" and not entity.plural and self.planner.box is not None and not things:
             things = [self.planner.box]
         if entity is not None and entity.colors and not entity.plural and self._names_no_kind(tokens, entity.span):
             things = [i for i in things if self.world.is_loose(i)] or things  # "where is the red one?"
@@ -407,7 +404,7 @@ class Questions(Alternatives):
     def exists(self, match: re.Match[str]) -> str | None:
         """Say whether something of the kind is there."""
         text = re.sub(rf"^(?:{_BE} )?(?:{_SEEING} )*", "", match[0])
-        text = re.sub(r" (?:here|there)$", "", text)
+        text = re.sub(r"(?: still)? (?:here|there)$", "", text)
         entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
         things = [i for i in things if i not in self.excepted]
         if entity is None and re.match(rf"{_KNOWN}|can you\b", match[0]) and len(text.split()) < 5:
@@ -418,6 +415,8 @@ class Questions(Alternatives):
             return None
         if not things:
             return f"no: there is no {_plain(text)} here"
+        if entity.kind == "stack":
+            return f"yes: {'; '.join(self._told(i, 'place') for i in things[:3])}"
         alone = not re.search(r"\b(?:there|any|you|we)\b", match[0]) and len(things) == 1
         return f"yes: {self._told(things[0], 'state') if alone else self.names(things)}"
 

@@ -16,7 +16,7 @@ from language.objects import DEVICES
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Step
 from language.planning import CARRY, Planner
 from language.recalling import Recollections
-from language.revising import filled, further, is_unshown, restoring, revised, selecting, without_detours
+from language.revising import filled, further, is_unshown, region_meant, restoring, revised, selecting, without_detours
 from language.scanning import COLOR, Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.several import towers_of
@@ -118,7 +118,7 @@ class Replies(Recollections):
 
     def _reply(self, sentence: str, reply: Reading, found: Choices) -> Outcome | None:
         """Return the outcome of an answer, or of a correction of the last sentence."""
-        clause, world = reply.steps[0], self.now
+        clause, world = replace(reply.steps[0], entity=region_meant(reply.steps[0].entity, self.last)), self.now
         if clause.entity is not None and clause.entity.kind in ("robot", "person"):
             return None
         if clause.entity is not None and clause.entity.kind in REGIONS:  # "no, the far left corner"

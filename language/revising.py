@@ -219,6 +219,20 @@ def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
     return Entity(relations=places)
 
 
+def region_meant(said: Entity | None, last: Reading | None) -> Entity | None:
+    """Return what an answer names: after "put it in the corner", "the far left one" is a corner, too."""
+    place = next(iter(last.steps[-1].places), None) if last is not None and last.steps else None
+    anchor = next(iter(place.anchors), None) if place is not None else None
+    if said is None or anchor is None or anchor.kind not in ("corner", "side", "edge"):
+        return said
+    anchors = [each for relation in said.relations for each in relation.anchors]
+    named = said.kind != "thing" or said.noun or said.colors or said.size or said.plural
+    if named or any(each.kind not in ("side", "corner") for each in anchors):
+        return said
+    sides = (*said.sides, *(side for each in anchors for side in each.sides))  # "the one at the back on the left"
+    return replace(anchor, sides=sides, span=said.span) if sides else said
+
+
 def restoring(
     now: WorldModel, then: WorldModel, moved: Sequence[int] = (), only: Sequence[int] = ()
 ) -> tuple[Step, ...]:
