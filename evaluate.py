@@ -141,7 +141,9 @@ def main(arguments: list[str]) -> dict[str, Any]:
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path, given=overrides)
-    out = check_file("out", config.out or checkpoint.result_file(path))
+    out = check_file("out", config.out or checkpoint.result_file(path), (".json",), new=True)
+    if config.splits:
+        _check_splits(saved["config"], overrides)
     if config.robustness:
         return _robustness(config, saved, overrides, path, out)
     by_split = {
@@ -156,6 +158,19 @@ def main(arguments: list[str]) -> dict[str, Any]:
         title = f"success of {report['episodes']} episodes by difficulty of the gesture"
         pointing_plot(report["by_pointing"], out.with_suffix(".png"), title)
     return report
+
+
+def _check_splits(trained: dict[str, Any], overrides: list[str]) -> None:
+    """Raise ConfigError, before the first split is evaluated, unless the task has all of them."""
+    from envs.config import read_env
+
+    for name in SPLITS:
+        try:
+            read_env(apply(trained, [*overrides, f"task.split={name}"]))
+        except ConfigError as error:
+            raise ConfigError(
+                f"splits=true needs a task with held-out sentences, such as nl_reach_large: {error}"
+            ) from None
 
 
 def _show_and_save(text: str, report: dict[str, Any], out: Path) -> None:

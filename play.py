@@ -4,7 +4,7 @@
     python play.py robot=panda task=nl_pick_and_place   # another robot, another task
     python play.py checkpoint=outputs/<run>             # a policy of your own
     python play.py --gui                                # PyBullet's own window and the keyboard, no page
-    python play.py --headless out.mp4 --say "reach the red cube"
+    python play.py --headless out.mp4 --say "open the drawer" scene=drawer
 
     python play.py study=study.yaml                     # a study with participants: docs/study.md
     python play.py task=nl_reach arm=sim arm.latency=0.06   # an arm in place of the simulated one: docs/deployment.md
@@ -71,7 +71,7 @@ def main(words: Sequence[str]) -> None:
     args = parser().parse_args(words)
     require_docstrings()
     if (args.headless is None) != (args.say is None):
-        raise ConfigError("--headless and --say belong together: --headless out.mp4 --say 'reach the red cube'")
+        raise ConfigError("--headless and --say belong together: --headless out.mp4 --say 'open the drawer'")
     if args.gui and args.headless is not None:
         raise ConfigError("--gui opens a window and --headless opens none: give one of them")
     if args.seed < 0:
@@ -79,7 +79,7 @@ def main(words: Sequence[str]) -> None:
     if (args.gui or args.headless is not None) and _is_study(args.overrides):
         raise ConfigError("study=... is for the page: leave out --gui and --headless")
     if args.headless is not None:
-        check_file("--headless", args.headless, VIDEO_SUFFIXES)
+        check_file("--headless", args.headless, VIDEO_SUFFIXES, new=True)
         write_video(args)
     elif args.gui:
         open_window(args)

@@ -157,7 +157,10 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
     file = find(Path(path), key="resume")
     overrides = [word for word in overrides if not word.startswith("resume=")]
     payload = load(file, to_train=True, given=overrides)
-    config, frames = apply(payload["config"], overrides), payload["counters"]["frames"]
+    seed, frames = payload["config"]["seed"], payload["counters"]["frames"]
+    config = apply(payload["config"], overrides)
+    if config.seed != seed:
+        raise ConfigError(f"seed={config.seed}: resume={path} was trained with seed={seed}, and keeps it")
     if config.total_frames < frames:
         raise ConfigError(
             f"total_frames={config.total_frames} is less than the {frames} frames of resume={path}; give more"
@@ -166,6 +169,23 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
         print(f"{path} has no last.pt: its best.pt of {frames} frames goes on, with new episodes", flush=True)
     config.resume = escaped(path)
     return config, file.parent.parent if file.parent.name == "checkpoints" else None
+
+
+def check_same_folder(own: Path, wished: Path, resume: str, words: Sequence[str]) -> None:
+    """Check that the command line names no other folder for a run that is resumed.
+
+    Args:
+        own: folder of that run.
+        wished: Hydra's folder.
+        resume: the run as it was given.
+        words: Hydra's overrides.
+
+    Raises:
+        ConfigError: hydra.run.dir names another folder.
+    """
+    named = OWN_FOLDER["run"] is not None or any(word.startswith("hydra.run.dir=") for word in words)
+    if named and wished.resolve() != own.resolve():
+        raise ConfigError(f"hydra.run.dir={wished}: resume={resume} goes on in {own}; leave out hydra.run.dir")
 
 
 @contextmanager
@@ -210,8 +230,10 @@ def main(config: Any) -> dict[str, Any] | None:
     try:
         with program(), said_when_interrupted():  # here: Hydra would add lines of its own
             if config.resume:
-                config, own_folder = resumed(config.resume, [from_hydra(word) for word in job.overrides.task])
+                place, words = config.resume, [from_hydra(word) for word in job.overrides.task]
+                config, own_folder = resumed(place, words)
                 folder = own_folder or hydra_folder
+                check_same_folder(folder, hydra_folder, place, list(job.overrides.hydra))
             else:
                 config = with_choices(config, job.runtime.choices)
             if config.collector.name == "ray" and not is_supervised():

@@ -86,16 +86,17 @@ def check_folder(key: str, name: str) -> None:
     _check_place(f"{key}={name} cannot be a folder", Path(name))
 
 
-def check_file(key: str, name: str | Path, suffixes: Sequence[str] = ()) -> Path:
+def check_file(key: str, name: str | Path, suffixes: Sequence[str] = (), new: bool = False) -> Path:
     """Return the path of a file to be written later, once it is known that it can be. Creates nothing.
 
     Args:
         key: of the argument, for the error message.
         name: of the file.
         suffixes: that it may have; () for any.
+        new: whether it must not exist.
 
     Raises:
-        ConfigError: it is a folder, has another suffix, or its folder cannot be written.
+        ConfigError: it is a folder, has another suffix, exists already, or its folder cannot be written.
     """
     path = Path(name)
     _check_place(f"{key}={name} cannot be written", path.parent)
@@ -103,6 +104,8 @@ def check_file(key: str, name: str | Path, suffixes: Sequence[str] = ()) -> Path
         raise ConfigError(f"{key}={name} is a folder; give the name of a file in it")
     if suffixes and path.suffix.lower() not in suffixes:
         raise ConfigError(f"{key}={name} must end in {' or '.join(suffixes)}")
+    if new and path.exists():
+        raise ConfigError(f"{key}={name} exists already and is not overwritten; give another name")
     return path
 
 

@@ -134,8 +134,8 @@ def run_program(main: Callable[[list[str]], object], file: str, words: Sequence[
 
 
 def _end(reason: str, code: int) -> None:
-    """Exit with the reason on stderr, in one line."""
-    reason = " ".join(reason.split("\n"))
+    """Exit with the reason on stderr, in one line. Control characters of a file's content do not reach the terminal."""
+    reason = "".join(letter if letter.isprintable() else " " if letter == "\n" else "?" for letter in reason)
     if not _output_works():
         _discard_output()
     if code == FAILED:

@@ -3,7 +3,7 @@
     deixis robot add <urdf>      find arm, gripper, base and rest pose, write <out>/robot/<name>.yaml, and try it
     deixis robot check <robot>   try a robot: the name of an option, or the path of a YAML
 
-    name=<name>         of the robot; default: from the file's name
+    name=<name>         of the robot; default: from the file's name, or its folder's
     out=conf            folder of the YAML; with --config-dir <folder>, that folder
     packages=<folder>   that holds the packages of package:// in the URDF; several: packages=[<one>,<other>]
     arm=0               which one, where the URDF has several arms

@@ -6,7 +6,8 @@
 
 The environment's dictionary of observation, achieved_goal and desired_goal becomes what `TrainingEnv` asks for, so that
 `trainers.run.train_loop.fit` trains in it with any algorithm, worker processes, hindsight and evaluations. Words beyond
-the environment's name are overrides of the config's parts for training: algo, policy, collector, eval, seed, ...
+the environment's name are overrides of the config's parts for training: algo, policy, collector, eval, seed, ... A run
+that was stopped goes on where the same command is given again.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
 
 from core.overrides import compose
+from core.program import program
 from envs.episode_replay import EpisodeReplayEnv
 from train import choose_compilation
 from trainers.config import read_training
@@ -268,6 +270,7 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
     args = parser.parse_intermixed_args(words)
     config = compose(["task=reach", "policy=mlp", "eval.video_episodes=0", *args.overrides])
     training = choose_compilation(config, read_training(config))
+    last = args.folder / "checkpoints" / "last.pt"
     with Progress(training.run.total_frames) as progress:
         result = fit(
             training,
@@ -275,6 +278,7 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
             folder=args.folder,
             config={},
             vocabulary=[""],
+            resume=last if last.exists() else None,
             progress=progress,
         )
     print(json.dumps({key: result[key] for key in ("success_rate", "success_at_end") if key in result}))
@@ -282,4 +286,5 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    with program():
+        main()

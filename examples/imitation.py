@@ -19,6 +19,7 @@ import torch
 from tensordict.nn import TensorDictModule
 from torch import Tensor, nn
 
+from core.program import program
 from envs import make_env
 from trainers.datasets.dataset import read
 from trainers.evaluation.evaluation import evaluate
@@ -81,4 +82,5 @@ def main(words: list[str] | None = None) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    with program():
+        main()

@@ -94,6 +94,8 @@ def main(words: list[str] | None = None) -> float:
     parser.add_argument("--env", default="Deixis/Reach-v0")
     parser.add_argument("--frames", type=int, default=60_000)
     args = parser.parse_args(words)
+    if args.frames < WORLDS * STEPS:
+        parser.error(f"--frames {args.frames} is less than one batch: give at least {WORLDS * STEPS}")
     torch.manual_seed(0)
     worlds = gymnasium.make_vec(args.env, num_envs=WORLDS, autoreset_mode="SameStep", instruction="embedding")
     seen = flat(worlds.reset(seed=0)[0])

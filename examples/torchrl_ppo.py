@@ -13,6 +13,7 @@ from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
+from core.program import program
 from envs import make_env
 
 WORLDS, HORIZON, EPOCHS, MINIBATCH = 32, 32, 6, 256
@@ -65,4 +66,5 @@ def main(words: list[str] | None = None) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    with program():
+        main()

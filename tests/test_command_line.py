@@ -179,6 +179,14 @@ def test_a_run_is_not_resumed_to_fewer_frames_than_it_has(tiny_run):
     assert (tiny_run / "config.yaml").read_bytes() == before
 
 
+def test_a_run_that_is_resumed_keeps_its_seed_and_its_folder(tiny_run, tmp_path):
+    with pytest.raises(ConfigError, match=f"seed=6: resume={tiny_run} was trained with seed=5, and keeps it"):
+        train.resumed(str(tiny_run), ["seed=6"])
+    done = call(partial(train.cli, [f"resume={tiny_run}", f"hydra.run.dir={tmp_path / 'other'}"]), ROOT)
+    check_refusal(done.code, done.out, done.err, [f"goes on in {tiny_run}", "leave out hydra.run.dir"])
+    assert not (tmp_path / "other").exists()
+
+
 def test_a_run_that_goes_on_from_its_best_policy_says_so(tiny_run, tmp_path, capsys):
     copied = Path(shutil.copytree(tiny_run, tmp_path / "run"))
     (copied / "checkpoints" / "last.pt").unlink()
@@ -250,6 +258,9 @@ def test_bad_input_ends_the_process_with_one_clear_message():
         (["checkpoint={run}", "epsiodes=3"], "epsiodes=3: epsiodes is not a known key; did you mean 'episodes'"),
         (["checkpoint={run}/eval.json"], "not a checkpoint of this project"),
         (["checkpoint={run}", "words=loud"], "words=loud is not known"),
+        (["checkpoint={run}", "splits=true"], "splits=true needs a task with held-out sentences"),
+        (["checkpoint={run}", "out={run}/result.png"], "result.png must end in .json"),
+        (["checkpoint={run}", "out={run}/eval.json"], "eval.json exists already and is not overwritten"),
         (["checkpoint={run}", "words=swapped", "worlds=1"], "worlds of at least 2"),
         (["checkpoint={run}", "reader=parrot"], "reader=parrot"),
     ],

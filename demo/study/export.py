@@ -161,7 +161,8 @@ def _export(words: Sequence[str]) -> None:
             raise ConfigError(f"{word} is not known: deixis study export study.sqlite out=<folder>")
     if path is None:
         raise ConfigError("deixis study export needs the database of a study: deixis study export study.sqlite")
-    out = out_folder(folder or str(path.with_name(f"{path.stem}-data")))
+    with _opened(path):  # before a folder is made
+        out = out_folder(folder or str(path.with_name(f"{path.stem}-data")))
     counts = export(path, out)
     print(f"{out}: {', '.join(f'{count:,} {name}' for name, count in counts.items())}")
 
@@ -198,6 +199,10 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, isolation_level=None)) as base:
         base.execute("PRAGMA trusted_schema=OFF")  # a database of others runs nothing
         base.execute("BEGIN")
+        try:
+            base.execute("SELECT 1 FROM study LIMIT 1")
+        except sqlite3.Error as error:
+            raise ConfigError(f"{path} is no database of a study that can be read: {error}") from None
         yield base
 
 

@@ -66,6 +66,7 @@ def test_the_help_of_a_program_is_the_docstring_of_its_file():
         (RuntimeError("unable to write </torch_1>: No space left on device (28)"), "No space left on device"),
         (MemoryError(), "the memory is used up"),
         (ConfigError("seed=x"), "seed=x"),
+        (ConfigError("name=\x1b[2J\x07\u009b"), "name=?[2J??"),  # nothing that a terminal would obey
     ],
 )
 def test_what_the_machine_refuses_is_one_line(error, message, capsys):

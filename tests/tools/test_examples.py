@@ -77,6 +77,8 @@ def test_our_trainers_learn_in_a_gymnasium_environment_with_goals(tmp_path, caps
     assert result["frames"] == 2400
     assert 0 <= result["success_at_end"] <= 1
     assert json.loads(capsys.readouterr().out.splitlines()[-1]) == {"success_at_end": result["success_at_end"]}
+    more = [*words, "total_frames=2600", "eval.episodes=20", "--folder", str(tmp_path)]
+    assert example("goal_env").main(["Deixis/Reach-v0", *more])["frames"] > 2400  # the same run goes on
 
 
 @pytest.fixture(scope="module")

@@ -101,4 +101,15 @@ def read(folder: str | Path, cameras: Sequence[str] = ()) -> tuple[dict[str, Any
         if name not in known:
             has = did_you_mean(name, known) if known else ": it has no pictures"
             raise ConfigError(f"cameras=[{','.join(cameras)}]: {folder} has no camera {name}{has}")
-    return metadata, FORMATS[metadata["kind"]][1](folder, cameras)
+    return metadata, _whole(folder, FORMATS[metadata["kind"]][1](folder, cameras))
+
+
+def _whole(folder: Path, episodes: Iterator[Demonstration]) -> Iterator[Demonstration]:
+    """Yield the episodes. Raises ConfigError for a file that cannot be read."""
+    try:
+        yield from episodes
+    except ConfigError:
+        raise
+    except Exception as error:  # pyarrow, h5py, Minari, PIL and json raise many types for a bad file
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        raise ConfigError(f"{folder} is damaged: {reason}") from None

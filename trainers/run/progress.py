@@ -103,4 +103,4 @@ class Progress:
 
     def _print(self, frames: float, seconds: float, values: Mapping[str, str]) -> None:
         text = ", ".join(f"{label} {values[label]}" for label in LABELS.values() if label in values)
-        print(f"{frames:.0f} of {self.total} frames, {seconds:.0f} s: {text}", flush=True)
+        print(f"{frames:.0f} of {self.total} frames, {seconds:.0f} s{': ' * bool(text)}{text}", flush=True)

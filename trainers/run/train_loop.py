@@ -496,6 +496,8 @@ def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> N
 
 def resume_command(run: TrainingRun) -> str:
     """Return the shell command that goes on with the run from its last checkpoint."""
+    if not run.config:  # of a program of the user's, with an environment of its own
+        return "the same command"
     return shlex.join(["python", "train.py", f"resume={run.folder}", *places_of(run.config)])
 
 

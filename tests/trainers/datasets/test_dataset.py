@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from core.errors import Interrupted
+from core.errors import ConfigError, Interrupted
 from envs import make_env
 from envs.experts import expert
 from tests.helpers.recordings import FORMATS
@@ -31,6 +34,16 @@ def test_reading_returns_what_was_recorded(recordings, recorded_episodes, form):
     assert metadata["episodes"] == len(recorded_episodes) == 3
     assert metadata["steps"] == sum(map(len, recorded_episodes))
     assert metadata["success_at_end"] == np.mean([episode.success for episode in recorded_episodes])
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_file_that_is_cut_is_damaged_not_a_traceback(recordings, tmp_path, form):
+    folder = Path(shutil.copytree(recordings[form], tmp_path / recordings[form].name))
+    for data in (*folder.rglob("*.parquet"), *folder.rglob("*.hdf5")):
+        data.write_bytes(data.read_bytes()[:100])
+    with pytest.raises(ConfigError, match=f"{folder.name} is damaged: ") as error:
+        list(dataset.read(folder)[1])
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("form", FORMATS)
