@@ -25,7 +25,7 @@ from subprocess import run
 from typing import Any
 
 from benchmarks.reproduce import ROWS, StepRunner, commit
-from benchmarks.row_book import ReproducedRow, RowBook, hash_of
+from benchmarks.row_book import OF_SWEEPS, ReproducedRow, RowBook, hash_of
 from core.errors import ConfigError, RunError
 from core.program import program
 
@@ -54,7 +54,7 @@ def groups(book: RowBook, before: Path, rows: str) -> dict[tuple[str, ...], list
         if not book.changed(row, seed) or book.kinds[str(row.kind)].probe is None:
             continue
         then = book.loaded(row, seed)
-        if all(hash_of(before / path) == digest for path, digest in then.items()):
+        if all(hash_of(before / path) == digest for path, digest in then.items() if path not in OF_SWEEPS):
             shared = sorted(path for path in then if path.endswith(".py") or path.startswith("conf/algo/"))
             found.setdefault((str(row.kind), *shared), []).append((row, seed))
     return found
