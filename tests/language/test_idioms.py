@@ -184,3 +184,27 @@ def test_all_but_one_go_to_a_side():
 
 def test_a_cube_is_given_to_the_empty_hand():
     assert said("my hand is so empty").steps[-1].verb == "hand_over"
+
+
+@pytest.mark.parametrize("things", ["the cubes", "all the cubes", "the red and the blue cube", "everything"])
+def test_several_things_are_put_on_the_left_side_not_a_step_to_the_left(things):
+    placed = [step.place for step in turns(f"put {things} on the left")[0].steps if step.carries]
+    assert len(placed) > 1
+    assert all(y > 0.05 for _, y in placed)
+
+
+@pytest.mark.parametrize(
+    ("first", "answer", "corner"),
+    [
+        ("put the red cube in the corner", "the far left one", (0.47, 0.21)),
+        ("put the red cube in a corner", "no, the one at the back on the left", (0.47, 0.21)),
+        ("put the blue cube in the front left corner", "no, the back left one", (0.47, 0.21)),
+    ],
+)
+def test_a_side_after_a_corner_names_another_corner(first, answer, corner):
+    assert turns(first, answer)[0].steps[-1].place == pytest.approx(corner, abs=0.01)
+
+
+def test_a_tower_that_is_not_there_is_not_seen():
+    assert turns("is the tower still there?")[0].text == "No: there is no tower here."
+    assert "The blue cube is on top of the cyan cube" in f"{said('where is the tower?', 'S').text}"
