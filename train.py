@@ -81,12 +81,10 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.collect import fork_server
     from trainers.config import read_training, uses_processes
     from trainers.run.progress import Progress
-    from trainers.run.requirements import check_start, check_unused
+    from trainers.run.requirements import check_start
 
     env_config, training = read_env(config), choose_compilation(config, read_training(config))
-    if not config.resume:
-        check_unused(folder)
-    check_start(training, folder)
+    check_start(training, folder, new=not config.resume)
     if uses_processes(training.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
     with Progress(training.run.total_frames) as progress:

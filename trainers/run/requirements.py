@@ -23,8 +23,16 @@ OUTPUTS = 1.3  # size of a batch over that of what the environment returns: a po
 MOMENTS = 3  # size of a checkpoint with the optimizer's moments over that of the networks alone
 
 
-def check_start(training: TrainingConfig, folder: Path) -> None:
-    """Check what is known from the config alone, before anything slow is imported. Raises ConfigError."""
+def check_start(training: TrainingConfig, folder: Path, new: bool = True) -> None:
+    """Check what is known from the config alone, before anything slow is imported. Raises ConfigError.
+
+    Args:
+        training: the settings.
+        folder: of the run.
+        new: whether the run begins, and so must not overwrite another one.
+    """
+    if new:
+        _check_unused(folder)
     count = workers(training.collector) if uses_processes(training.collector) else 0
     require_docstrings()
     require_threads(2 * cores() + 2 + 2 * count)
@@ -34,7 +42,7 @@ def check_start(training: TrainingConfig, folder: Path) -> None:
     require_disk(folder, START_FREE, "a run needs at least")
 
 
-def check_unused(folder: Path) -> None:
+def _check_unused(folder: Path) -> None:
     """Check that a new run overwrites no other one. Raises ConfigError."""
     if any((folder / "checkpoints").glob("*.pt")):
         raise ConfigError(
