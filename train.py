@@ -155,9 +155,8 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
     file = find(Path(path), key="resume")
     overrides = [word for word in overrides if not word.startswith("resume=")]
     payload = load(file, to_train=True, given=overrides)
-    seed, frames = payload["config"]["seed"], payload["counters"]["frames"]
-    config = apply(payload["config"], overrides)
-    if config.seed != seed:
+    config, frames = apply(payload["config"], overrides), payload["counters"]["frames"]
+    if config.seed != (seed := payload["config"]["seed"]):
         raise ConfigError(f"seed={config.seed}: resume={path} was trained with seed={seed}, and keeps it")
     if config.total_frames < frames:
         raise ConfigError(

@@ -234,7 +234,7 @@ def test_no_replay_uses_a_place_that_a_recording_names(key, value, tmp_path, no_
 
 @pytest.mark.slow
 def test_training_does_not_resume_a_run_that_names_an_address(tmp_path, no_connection, monkeypatch):
-    payload = {"config": changed("collector", {"name": "ray", "address": "192.0.2.1:6379"})}
+    payload = {"config": changed("collector", {"name": "ray", "address": "192.0.2.1:6379"}), "counters": {"frames": 0}}
     monkeypatch.setattr(checkpoint, "_read", lambda path, is_policy: copy.deepcopy(payload))
     file = tmp_path / "checkpoints" / "last.pt"
     file.parent.mkdir()

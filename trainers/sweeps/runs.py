@@ -142,7 +142,7 @@ def read_config(place: Path) -> dict[str, Any]:
     try:
         check_plain(values)
     except FileError as error:
-        raise ConfigError(f"{place / 'config.yaml'} {error}") from None
+        raise ConfigError(f"{place / 'config.yaml'} is damaged: it {error}") from None
     return values
 
 
@@ -182,7 +182,7 @@ def _read_mapping(file: Path, required: Sequence[str] = ()) -> dict[str, Any]:
     try:
         values = read_checked_json(file) if file.suffix == ".json" else read_checked_yaml(file, MAX_BYTES)
     except FileError as error:
-        raise ConfigError(f"{file} {error}") from None
+        raise ConfigError(f"{file} is damaged: it {error}") from None
     if not isinstance(values, dict) or not values:
         raise ConfigError(f"{file} is damaged: it holds no keys")
     missing = [name for name in required if name not in values]
@@ -203,7 +203,7 @@ def read_starts(folder: Path) -> list[dict[str, Any]]:
     try:
         starts = read_checked_yaml(path, SWEEP_FILE_BYTES)
     except FileError as error:
-        raise ConfigError(f"{path} {error}") from None
+        raise ConfigError(f"{path} is damaged: it {error}") from None
     if not isinstance(starts, list) or not starts or not all(_is_start(start) for start in starts):
         raise ConfigError(f"{path} is damaged: it is no list of starts with their overrides")
     return starts
