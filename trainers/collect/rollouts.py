@@ -304,7 +304,9 @@ class WorkerPool:
         if not self.buffers:
             whole = torch.cat([part for part in parts if part is not None])
             self.buffers = [self.host.allocate(whole.clone()) for _ in range(self.host.buffers)]
-            for index, worker in enumerate(self.workers):
+            # A worker that ends while it opens them has this process print a traceback: none does without a use.
+            asked_later = self.specs[0].steps(iteration + self.ahead + 1) > 0
+            for index, worker in enumerate(self.workers if asked_later else ()):
                 with suppress(WorkerLostError):  # the next request notices it, and its successor has the buffers
                     worker.use_buffers(self._slices(index))
         buffer, steps = iteration % len(self.buffers), self.specs[0].steps(iteration)

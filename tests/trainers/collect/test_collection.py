@@ -161,3 +161,17 @@ def test_a_batch_that_was_asked_for_before_a_resume_has_the_weights_of_then():
         for k in (3, 4):
             resumed.sync(moved(policy, k))
             assert same(wanted[k], resumed.next()), f"batch {k}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batches", [1, 2])
+def test_a_run_of_few_batches_ends_without_a_word(batches, capfd):
+    policy = policy_of(make_env(4, 0))
+    config = training(overrides=("collector.workers=2", "collector.overlap=true")).collector
+    for _ in range(4):
+        rollouts = Rollouts(make_env, policy, config, horizon=HORIZON, seed=0, steps=batches * HORIZON)
+        with closing(rollouts):
+            for _ in range(batches):
+                rollouts.sync(policy)
+                assert rollouts.next().shape == (8, HORIZON)
+    assert capfd.readouterr().err == ""
