@@ -68,7 +68,10 @@ def parse(words: Sequence[str]) -> list[Any]:
             override.config_loader = cast(Any, _Options())
             overrides.append(override)
         except (HydraException, ValueError) as error:
-            key = word.partition("=")[0].lstrip("+~")
+            key, _, value = word.partition("=")
+            if key != key.strip():
+                raise ConfigError(f"{word} has a blank in its key; give {key.strip()}={value.strip()}") from None
+            key = key.lstrip("+~")
             if "=" in word and key and not key.isascii():
                 raise ConfigError(f"{word}: {key} is not a known key; keys are written in Latin letters") from None
             reason = " ".join((str(error).splitlines() or ["not an override"])[0].split())

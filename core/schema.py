@@ -187,7 +187,10 @@ def read(cls: type[T], node: Any, key: str) -> T:
     except OmegaConfBaseException as error:
         first = str(error.msg or error).splitlines()[0]
         value = OmegaConf.select(OmegaConf.create(container), str(error.full_key))
-        raise ConfigError(f"{prefix}{error.full_key}={shown(value)}: {shown(first)}") from None
+        given = f"{error.full_key}={shown(value)}"
+        if get_origin(hints.get(str(error.full_key))) is list and isinstance(value, PLAIN):
+            raise ConfigError(f"{prefix}{given} must be a list: {prefix}{error.full_key}=[{shown(value)}]") from None
+        raise ConfigError(f"{prefix}{given}: {shown(first)}") from None
 
 
 def _is_number(value: Any) -> bool:

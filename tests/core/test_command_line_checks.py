@@ -28,6 +28,8 @@ from core.overrides import apply, compose
         (["task.objects=[1,2]"], "task.objects=[1,2]: Cannot merge .*; it is a group of keys: init, goal"),
         (["сид=1"], "сид=1: сид is not a known key; keys are written in Latin letters"),
         (["seed==3"], "seed==3: .*; overrides are written key=value"),
+        (["seed =3"], "seed =3 has a blank in its key; give seed=3"),
+        ([" seed= 3"], " seed= 3 has a blank in its key; give seed=3"),
         (["=3"], "=3: .*is not a known key"),
         (["--config-dir=/nosuch"], "--config-dir=/nosuch: the config is that of this project"),
         (["--experimental-rerun", "x.pickle"], "--experimental-rerun: the config"),

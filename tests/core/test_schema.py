@@ -100,7 +100,7 @@ def test_interpolations_are_resolved():
         ("paint", "gren", r"^cart\.paint=gren is not known; did you mean 'green'\?$"),
         ("paint", "xyz", r"^cart\.paint=xyz is not known; choose from red, green$"),
         ("stops", ["mill", "marked"], r"^cart\.stops=marked is not known; did you mean 'market'\?$"),
-        ("stops", "mill", r"^cart\.stops=mill"),
+        ("stops", "mill", r"^cart\.stops=mill must be a list: cart\.stops=\[mill\]$"),
         ("prices", {"ride": 11}, r"^cart\.prices\.ride=11(\.0)? is out of range: it must be in \[0, 10\]$"),
         ("prices", {"ride": float("nan")}, r"^cart\.prices\.ride=nan is not a finite number$"),
         ("prices", {"ride": "dear"}, r"^cart\.prices\.ride=.*dear.*Float"),

@@ -68,6 +68,8 @@ def find_device(name: str) -> torch.device:
         torch.ones(1, device=device).item()
     except (RuntimeError, AssertionError) as error:
         reason = str(error).splitlines()[0]
+        if reason.startswith("Expected one of"):  # and all kinds of devices that torch could be built for
+            reason = "torch knows no such device"
         raise ConfigError(f"device={name} cannot be used: {reason}; choose cpu, or cuda where there is a GPU") from None
     return device
 

@@ -10,6 +10,7 @@ import trainers.algorithms
 from core.errors import ConfigError
 from core.overrides import compose
 from tests.helpers.training_configs import CONF
+from trainers.algorithms.algorithm import find_device
 from trainers.algorithms.settings import read_algorithm, register
 from trainers.config import read_training
 
@@ -95,3 +96,9 @@ def test_a_name_is_registered_once():
 def test_an_unknown_algorithm_is_named_with_the_nearest_one(node, message):
     with pytest.raises(ConfigError, match=message):
         read_algorithm(node)
+
+
+@pytest.mark.parametrize("name", ["gpu", "abacus"])
+def test_a_device_that_torch_does_not_know_is_refused_with_those_that_it_has(name):
+    with pytest.raises(ConfigError, match=f"^device={name} cannot be used: torch knows no such device; choose cpu, or"):
+        find_device(name)
