@@ -32,7 +32,7 @@ from core.errors import ConfigError
 from core.machine_limits import require_docstrings
 from core.platform_tuning import lean_imports
 from core.plugins import take_config_dir
-from core.program import help_text, program
+from core.program import OptionParser, help_text, program
 
 if TYPE_CHECKING:
     from demo.session import Session
@@ -44,9 +44,9 @@ MAX_VIDEO_STEPS = 2400  # control steps: two minutes
 FINAL_VIDEO_STEPS = 20  # control steps shown after the end: one second
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> OptionParser:
     """Build the parser of the options."""
-    options = argparse.ArgumentParser(
+    options = OptionParser(
         prog="play.py", description=help_text(__file__), formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("overrides", nargs="*", metavar="key=value")

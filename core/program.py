@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
 import ast
 import errno
 import io
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NoReturn
 
 from core.errors import ConfigError, RunError
 from core.plugins import take_config_dir
@@ -110,6 +113,16 @@ def refusal(error: BaseException) -> str | None:
         return f"{text.splitlines()[0]}; {REFUSALS[number]}"
     place = error.filename or ("" if _output_works() else "stdout")
     return f"{f'{place}: ' if place else ''}{error.strerror or text}; {REFUSALS[number]}"
+
+
+class OptionParser(argparse.ArgumentParser):
+    """A parser of options that raises ConfigError for bad ones, where argparse prints the usage and exits."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise ConfigError with what is wrong."""
+        whole = re.fullmatch(r"argument (\S+): invalid int value: '(.*)'", message, re.DOTALL)
+        text = f"{whole[1]}={whole[2]} must be a whole number" if whole else message.removeprefix("argument ")
+        raise ConfigError(f"{text}; see {self.prog} --help")
 
 
 def help_text(file: str) -> str:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from core.command_line import check_file
 from core.errors import ConfigError
-from core.program import help_text, program
+from core.program import OptionParser, help_text, program
 
 if TYPE_CHECKING:
     from envs.perception import Detector, View
@@ -37,9 +37,9 @@ MOST_CAMERAS = 8
 DRAWN = 640  # pixels of width that a drawn picture has at least
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> OptionParser:
     """Build the parser of the options."""
-    options = argparse.ArgumentParser(
+    options = OptionParser(
         prog="deixis look", description=help_text(__file__), formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("pictures", nargs="+", type=Path, metavar="picture.png")

@@ -138,6 +138,7 @@ def test_bad_input_is_refused_in_one_sentence(folder, monkeypatch, capsys):
     ]:
         assert said in refusal(look.cli, monkeypatch, capsys, picture, "--camera", camera)
     assert "give each picture its camera file" in refusal(look.cli, monkeypatch, capsys, "front.png")
+    assert "--camera: expected one argument" in refusal(look.cli, monkeypatch, capsys, "front.png", "--camera")
     twice = ("front.png", "front.png", "--camera", "front.yaml", "--camera", "front.yaml")
     assert "is given twice" in refusal(look.cli, monkeypatch, capsys, *twice)
     assert "did you mean 'table'" in refusal(
