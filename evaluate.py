@@ -110,6 +110,7 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
     """Read the program's own keys, and return the other words: overrides of the run's config. Raises ConfigError."""
     names = [field.name for field in fields(EvaluateConfig)]
     own, overrides = split(arguments, names, "checkpoint=<run dir>")
+    _refuse_keys_of_training(overrides)
     if "checkpoint" not in own:
         raise ConfigError("checkpoint=<run dir or file> is missing")
     config = read(EvaluateConfig, DEFAULTS | own, "")
@@ -120,6 +121,16 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
             needed = ", ".join(f"{other}={DEFAULTS[other]}".lower() for other in others)
             raise ConfigError(f"{mode}={getattr(config, mode)}".lower() + f" needs {needed}".replace("none", "null"))
     return config, overrides
+
+
+def _refuse_keys_of_training(words: list[str]) -> None:
+    """Raise ConfigError for a key of `eval`, which this program would read nowhere."""
+    for word in words:
+        group, _, name = word.partition("=")[0].partition(".")
+        if group == "eval":
+            own = {"video_episodes": "video"}.get(name, name)
+            instead = f"give {own}=<number>" if own in DEFAULTS else "leave it out"
+            raise ConfigError(f"{word}: eval.{name} is for the evaluations of train.py; {instead}")
 
 
 def main(arguments: list[str]) -> dict[str, Any]:

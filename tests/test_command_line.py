@@ -263,6 +263,10 @@ def test_bad_input_ends_the_process_with_one_clear_message():
         (["checkpoint={run}", "out={run}/eval.json"], "eval.json exists already and is not overwritten"),
         (["checkpoint={run}", "words=swapped", "worlds=1"], "worlds of at least 2"),
         (["checkpoint={run}", "reader=parrot"], "reader=parrot"),
+        (["checkpoint={run}", "eval.episodes="], "eval.episodes=: eval.episodes is for .*; give episodes=<number>$"),
+        (["checkpoint={run}", "eval.episodes=3"], "eval.episodes=3: eval.episodes is for .*; give episodes=<number>$"),
+        (["checkpoint={run}", "eval.video_episodes=1"], "give video=<number>$"),
+        (["checkpoint={run}", "eval.overlap=false"], "leave it out$"),
     ],
 )
 def test_evaluate_refuses_bad_input(tiny_run, overrides, expected_words):
