@@ -142,7 +142,7 @@ def read_config(place: Path) -> dict[str, Any]:
     try:
         check_plain(values)
     except FileError as error:
-        raise ConfigError(f"{place / 'config.yaml'} is damaged: it {error}") from None
+        raise _damaged(file, error) from None
     return values
 
 
@@ -182,13 +182,18 @@ def _read_mapping(file: Path, required: Sequence[str] = ()) -> dict[str, Any]:
     try:
         values = read_checked_json(file) if file.suffix == ".json" else read_checked_yaml(file, MAX_BYTES)
     except FileError as error:
-        raise ConfigError(f"{file} is damaged: it {error}") from None
+        raise _damaged(file, error) from None
     if not isinstance(values, dict) or not values:
         raise ConfigError(f"{file} is damaged: it holds no keys")
     missing = [name for name in required if name not in values]
     if missing:
         raise ConfigError(f"{file} is damaged: it has no {', '.join(missing)}")
     return values
+
+
+def _damaged(file: Path, error: FileError) -> ConfigError:
+    said = str(error).startswith("is damaged")
+    return ConfigError(f"{file} {error}" if said else f"{file} is damaged: it {error}")
 
 
 def read_starts(folder: Path) -> list[dict[str, Any]]:
@@ -203,7 +208,7 @@ def read_starts(folder: Path) -> list[dict[str, Any]]:
     try:
         starts = read_checked_yaml(path, SWEEP_FILE_BYTES)
     except FileError as error:
-        raise ConfigError(f"{path} is damaged: it {error}") from None
+        raise _damaged(path, error) from None
     if not isinstance(starts, list) or not starts or not all(_is_start(start) for start in starts):
         raise ConfigError(f"{path} is damaged: it is no list of starts with their overrides")
     return starts

@@ -188,8 +188,10 @@ def test_a_directory_may_hold_several_sweeps_or_be_a_single_run(tmp_path):
         ("metrics.csv", "\0\0\0\n", r"metrics\.csv is damaged: its first line"),
         ("eval.json", '{"success_at_end": 0.9', r"eval\.json is damaged"),
         ("eval.json", '{"success_at_end": 0.9}', r"eval\.json is damaged: it has no ci95"),
-        ("config.yaml", "seed: [", r"config\.yaml is damaged"),
-        ("job.json", "[]", r"job\.json is damaged"),
+        ("config.yaml", "seed: [", r"config\.yaml is damaged: it is not YAML: "),
+        ("config.yaml", "", r"config\.yaml is damaged: it is empty$"),
+        ("config.yaml", "# sha256: 0\nseed: 1\n", r"config\.yaml is damaged: its sha256 does not fit"),
+        ("job.json", "[]", r"job\.json is damaged: it holds no group of keys$"),
     ],
 )
 def test_a_damaged_file_is_named(file, text, message, tmp_path):
