@@ -95,9 +95,16 @@ def _read(path: Path, is_policy: bool) -> dict[str, Any]:
     except CheckpointError:
         raise
     except FileError as error:
-        raise CheckpointError(f"checkpoint {path} {error}") from None
+        raise CheckpointError(f"checkpoint {path} {error}{_way_out(path)}") from None
     except Exception as error:  # torch, zipfile and safetensors raise many types for a bad file
-        raise CheckpointError(f"{path} is damaged or not a checkpoint of this project: {_first_line(error)}") from None
+        problem = f"{path} is damaged or not a checkpoint of this project: {_first_line(error)}"
+        raise CheckpointError(problem + _way_out(path)) from None
+
+
+def _way_out(path: Path) -> str:
+    """Return the end of a message about a damaged last.pt, where the run's best.pt can take its place."""
+    best = path.with_name("best.pt")
+    return f"; {best} is there: give it in place of the run" if path.name == "last.pt" and best.is_file() else ""
 
 
 def find(path: Path, name: str = "last", key: str = "checkpoint") -> Path:

@@ -69,8 +69,14 @@ def test_a_damaged_file_is_refused(path, damage):
         data[len(data) // 2] ^= 16
     new = {"flip": data, "cut": data[: len(data) // 2], "text": b"hello", "empty": b""}[damage]
     path.write_bytes(bytes(new))
-    with pytest.raises(CheckpointError, match="damaged"):
+    with pytest.raises(CheckpointError, match="damaged") as alone:
         checkpoint.load(path)
+    assert "best.pt" not in str(alone.value)
+    best = path.with_name("best.pt")
+    checkpoint.save(best, PAYLOAD)
+    with pytest.raises(CheckpointError, match=f"damaged.*; {best} is there: give it in place of the run$"):
+        checkpoint.load(path)
+    assert checkpoint.load(best)["counters"] == {"frames": 7}
 
 
 class Hostile:
