@@ -34,16 +34,22 @@ class MetricsWriter:
         loggers: "tensorboard", "wandb".
         after: when resuming, the frames of the checkpoint: rows with more frames are dropped, since they are measured
             again. None starts a new file. A damaged file is set aside with a warning, and a new one is started.
+        iterations: when resuming, how many rows there should be up to `after`. A warning tells how many are missing.
 
     Raises:
         WriteError: the file cannot be written.
     """
 
     def __init__(
-        self, folder: Path, columns: Sequence[str], loggers: Iterable[str] = (), after: int | None = None
+        self,
+        folder: Path,
+        columns: Sequence[str],
+        loggers: Iterable[str] = (),
+        after: int | None = None,
+        iterations: int = 0,
     ) -> None:
         self.path, self.columns = folder / "metrics.csv", list(columns)
-        earlier = [] if after is None else [row for row in _read_or_set_aside(self.path) if row["frames"] <= after]
+        earlier = [] if after is None else _earlier(self.path, after, iterations)
         header = ",".join([*self.columns, CHECKSUM])
         self._checksum = zlib.crc32(header.encode())
         # Replaced as a whole: a process that is killed here leaves the old file.
@@ -90,15 +96,22 @@ class MetricsWriter:
                     close()
 
 
-def _read_or_set_aside(path: Path) -> list[dict[str, float]]:
-    """Return the rows of a metrics.csv. A damaged file is renamed, with a warning: it costs the curve, not the run."""
+def _earlier(path: Path, after: int, iterations: int) -> list[dict[str, float]]:
+    """Return the rows of a metrics.csv up to `after`, with a warning if there are fewer than `iterations`.
+
+    A damaged file is renamed, with a warning: it costs the curve, not the run.
+    """
     try:
-        return read_metrics(path)
+        rows = [row for row in read_metrics(path) if row["frames"] <= after]
     except ConfigError as error:
         aside = path.with_name(f"{path.name}.damaged")
         os.replace(path, aside)
         print(f"warning: {error}; it is kept as {aside.name}, and a new one is begun", file=sys.stderr, flush=True)
         return []
+    if (missing := iterations - len(rows)) > 0:
+        lost = f"{path} lacks {missing if rows else 'all'} of the {iterations} rows up to frame {after}"
+        print(f"warning: {lost}; training goes on without them", file=sys.stderr, flush=True)
+    return rows
 
 
 def read_metrics(path: Path) -> list[dict[str, float]]:

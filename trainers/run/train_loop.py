@@ -86,7 +86,8 @@ def fit(
     run = TrainingRun(training, make_env, folder, config=config, vocabulary=vocabulary, make_eval_env=make_eval_env)
     with closing(run), progress or Progress(training.run.total_frames, shown=False) as shown:
         _begin(run, shown, resume, init)
-        metrics = MetricsWriter(folder, run.columns, training.run.logger, run.kept_frames)
+        iterations = run.counters["iteration"] - len(run.rows)  # each has written its row, the others will
+        metrics = MetricsWriter(folder, run.columns, training.run.logger, run.kept_frames, iterations)
         with closing(metrics), StopSignal() as stop:
             try:
                 run.train(metrics, stop, shown)

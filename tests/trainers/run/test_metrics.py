@@ -64,12 +64,24 @@ def test_a_damaged_file_costs_the_curve_not_the_resume(tmp_path, capsys):
     path.write_bytes(path.read_bytes().replace(b"1.5", b"2.5", 1))
     with pytest.raises(ConfigError, match="the checksum of line 2 does not fit"):
         read_metrics(path)
-    metrics = MetricsWriter(tmp_path, ["frames", "a", "b"], after=10)
+    metrics = MetricsWriter(tmp_path, ["frames", "a", "b"], after=10, iterations=10)
     metrics.write({"frames": 11})
     metrics.close()
     assert [row["frames"] for row in read_metrics(path)] == [11]
-    assert "checksum" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "checksum" in said
+    assert said.count("\n") == 1
     assert (tmp_path / "metrics.csv.damaged").exists()
+
+
+@pytest.mark.parametrize(("kept", "said"), [(19, "lacks 1 of the 20 rows"), (0, "lacks all of the 20 rows"), (20, "")])
+def test_a_resumed_run_says_which_rows_are_missing(tmp_path, capsys, kept, said):
+    path = written(tmp_path)
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[: kept + 1]))
+    MetricsWriter(tmp_path, ["frames", "a", "b"], after=20, iterations=20).close()
+    assert len(read_metrics(path)) == kept
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ([f"warning: {path} {said} up to frame 20; training goes on without them"] if said else [])
 
 
 def test_rows_are_never_written_through_a_link(tmp_path):

@@ -100,7 +100,7 @@ def test_a_run_that_a_signal_stopped_goes_on_exactly(whole, tmp_path, monkeypatc
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("algo", "collector"), [("ppo", []), ("sac", []), ("ppo", OVERLAP)])
-def test_a_run_that_ended_before_its_schedule_goes_on_exactly(whole, tmp_path, algo, collector):
+def test_a_run_that_ended_before_its_schedule_goes_on_exactly(whole, tmp_path, capsys, algo, collector):
     overrides = [*overrides_of(algo), *collector]
     undisturbed = whole(algo, overrides)
     folder = tmp_path / "parts"
@@ -108,6 +108,7 @@ def test_a_run_that_ended_before_its_schedule_goes_on_exactly(whole, tmp_path, a
         parts = [*overrides, f"total_frames={frames}", "schedule_frames=512"]
         train(folder, algo, overrides=parts, resume=checkpoint.find(folder) if frames > 150 else None)
     assert_same_run(undisturbed, folder)
+    assert "metrics.csv lacks" not in capsys.readouterr().err
 
 
 @pytest.mark.slow
