@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -38,10 +39,12 @@ def checkout(root: Path, name: str) -> Iterator[Path]:
     """Give a folder with the project as it was at a commit. Raises ConfigError where git cannot make it."""
     with tempfile.TemporaryDirectory(prefix="same-bits-") as scratch:
         tree = Path(scratch) / "project"
-        made = run(["git", "worktree", "add", "--detach", str(tree), name], cwd=root, capture_output=True, text=True)
-        if made.returncode:
-            raise ConfigError(f"git has no tree of the commit {name}: {made.stderr.strip().splitlines()[-1]}")
         try:
+            made = run(
+                ["git", "worktree", "add", "--detach", str(tree), name], cwd=root, capture_output=True, text=True
+            )
+            if made.returncode:
+                raise ConfigError(f"git has no tree of the commit {name}: {made.stderr.strip().splitlines()[-1]}")
             yield tree
         finally:
             run(["git", "worktree", "remove", "--force", str(tree)], cwd=root, capture_output=True, check=False)
@@ -144,5 +147,6 @@ def main(words: list[str]) -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # the worktrees are removed on the way
     with program():
         main(sys.argv[1:])

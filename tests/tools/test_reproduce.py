@@ -209,6 +209,33 @@ def test_a_change_without_effect_keeps_the_results_of_all_runs_of_a_group(projec
 
 
 @pytest.mark.slow
+def test_no_worktree_is_left_by_a_comparison_that_is_stopped(project, change):
+    reproduce(project, "--rows", "plain/good", "--seeds", "0")
+    begun = project / "outputs" / "begun"
+    change("helper.py", f"import pathlib, time\npathlib.Path({str(begun)!r}).touch()\ntime.sleep(60)\nSHARE = 1.0\n")
+    words = [
+        sys.executable,
+        "-m",
+        "benchmarks.same_bits",
+        "HEAD~1",
+        "--file",
+        str(project / "benchmarks" / "rows.yaml"),
+    ]
+    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        while not begun.exists() and process.poll() is None:
+            time.sleep(0.05)
+        assert len(list((project / ".git" / "worktrees").glob("*"))) == 2
+        process.terminate()
+        said, _ = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == 128 + signal.SIGTERM, said
+    assert "Traceback" not in said
+    assert not list((project / ".git" / "worktrees").glob("*"))
+
+
+@pytest.mark.slow
 def test_a_change_with_an_effect_leaves_results_outdated(project, change):
     reproduce(project, "--rows", "plain/good")
     change("helper.py", "SHARE = 0.99999\n")
