@@ -187,10 +187,15 @@ def read(cls: type[T], node: Any, key: str) -> T:
     except OmegaConfBaseException as error:
         first = str(error.msg or error).splitlines()[0]
         value = OmegaConf.select(OmegaConf.create(container), str(error.full_key))
-        given = f"{error.full_key}={shown(value)}"
-        if get_origin(hints.get(str(error.full_key))) is list and isinstance(value, PLAIN):
-            raise ConfigError(f"{prefix}{given} must be a list: {prefix}{error.full_key}=[{shown(value)}]") from None
-        raise ConfigError(f"{prefix}{given}: {shown(first)}") from None
+        raise _mistyped(f"{prefix}{error.full_key}", value, hints.get(str(error.full_key)), first) from None
+
+
+def _mistyped(name: str, value: Any, kind: Any, reason: str) -> ConfigError:
+    """Return the error for a value that is not of the declared type. reason: in OmegaConf's words."""
+    text = shown(value)
+    if get_origin(kind) is list and isinstance(value, PLAIN):
+        return ConfigError(f"{name}={text} must be a list: {name}=[{text}]")
+    return ConfigError(f"{name}={text}: {shown(reason)}")
 
 
 def _is_number(value: Any) -> bool:

@@ -86,8 +86,7 @@ def fit(
     run = TrainingRun(training, make_env, folder, config=config, vocabulary=vocabulary, make_eval_env=make_eval_env)
     with closing(run), progress or Progress(training.run.total_frames, shown=False) as shown:
         _begin(run, shown, resume, init)
-        iterations = run.counters["iteration"] - len(run.rows)  # each has written its row, the others will
-        metrics = MetricsWriter(folder, run.columns, training.run.logger, run.kept_frames, iterations)
+        metrics = MetricsWriter(folder, run.columns, training.run.logger, run.kept_frames, run.kept_rows)
         with closing(metrics), StopSignal() as stop:
             try:
                 run.train(metrics, stop, shown)
@@ -150,6 +149,7 @@ class TrainingRun:
         self.consistent = True
         self.rollouts: Rollouts | None = None
         self.kept_frames: int | None = None  # of the last row of metrics.csv that a resumed run keeps
+        self.kept_rows = 0  # how many rows it keeps: one for each iteration before
         self.resumed: dict[str, Any] = {}  # what the first batch after a resume depends on
         memories = MemoryFiles(folder / "checkpoints" / "memory", self.algorithm.memories)
         self.writer = CheckpointWriter(folder / "checkpoints", training.checkpoint, memories)
@@ -189,6 +189,7 @@ class TrainingRun:
             self.load_running_state(payload["state"])
         # Rows that the checkpoint holds are written again: they may have been written without their evaluation.
         self.kept_frames = int(self.rows[0]["frames"]) - 1 if self.rows else self.counters["frames"]
+        self.kept_rows = self.counters["iteration"] - len(self.rows)
 
     def running_state(self) -> dict[str, Any]:
         """Return the state on which the next iteration depends beside networks, optimizers, counters and memories."""
