@@ -71,6 +71,7 @@ def _plain(words: Iterable[str]) -> tuple[str, ...]:
     text = re.sub(r"\btoo (?=(?:fast|quick)\b)", "too-", " ".join(words))
     text = re.sub(r"\bmuch (?=(?:nicer?|good|prettier|tidier|neater|easier|clearer)\b)", "", text)
     text = re.sub(r"\bless (?:quick(?:ly)?|fast)\b", "slower", text)
+    text = re.sub(r"\b(further|farther|more) (?:still|yet)\b|\b(?:still|yet) (?=a (?:bit|little)\b)", r"\1", text)
     text = _A_BIT_BACK.sub("back a bit", text)
     text = _HOME.sub("home position", " ".join(word for word in text.split() if word not in _ADVERBS))
     text = re.sub(r"^(?:but )?(?:you|that) (?:have |did )?\w+ (?:it )?(?:in |on |at )?wrong \w+$", "wrong one", text)
@@ -265,6 +266,8 @@ _PLAINER = tuple(  # a whole sentence -> the same, as other rules know it
             r"\1 in it, \2",
         ),
         (r"(.+?) (?:is|was) what i (?:said|meant|wanted|asked for|had in mind)\b.*", r"no, \1"),
+        (r"(?:(?:no|sorry|wait|oh)\W+)*i (?:meant|mean|said) (?:to |on )?(?:the )?(left|right)", r"no, \1"),
+        (r"(?:(?:a|some) )?different (?:one|cube|block|thing)(?:\W+(?:please|instead|now))*", "no, a different one"),
         (  # "I didn't say on it, I said beside it"
             r"i (?:did not|didn['\u2019]?t|never) sa(?:y|id) [^.;]*?[,.;]\s*i (?:said|meant) (.+)",
             r"no, \1",
@@ -313,7 +316,7 @@ _OPENING = re.compile(
     r"|(?:can|could|would|will) you(?: please)?(?= (?:count|list|name|describe) (?!out\b))"
     r"|(?:(?:can|could) you (?:please )?)?(?:check|find out|see|show me)"
     r"(?= (?:what|where|which|who|how many)\b(?!.* and ))"
-    r"|go(?: and)?(?= (?:check|find out|see)\b)|just|also|,) )+"
+    r"|go(?: and)?(?= (?:check|find out|see)\b)|just|also|(?:roughly|about|approximately|exactly)(?= how\b)|,) )+"
 )
 ABLE = re.compile(  # about things in general
     r"^(?:can|could|are) you (?:\w+ ){1,3}"
@@ -331,7 +334,8 @@ _AT_ONCE = re.compile(
 _OR_IS = re.compile(r"^(?:can|could) you .* or (?:is|are) (?:it|they|there|something|anything)\b")
 _ASKING = re.compile(
     r"^(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|was|were|did|will|do|can)\b))\b(?! (?:about|if)\b)"
-    r"|^(?:is|are|was|were|does|did|has|am) |^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
+    r"|^(?:is|are|was|were|does|did|has|am|have (?:they|we|i|he|she|people|some ?one|any ?one|some ?body|any ?body)) "
+    r"|^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
     r"|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep|dream|fit)\b"
     r"|^(?:do|can) (?:you|we) have\b"
     rf"|{ABLE.pattern}"

@@ -16,6 +16,16 @@ _EXCEPT = re.compile(
 )
 
 
+_HAND = re.compile(  # the person's
+    r"(?<!your )(?<!robot )(?<!left )(?<!right )(?<!in )(?<! 's )\b(?:(?:my|open|pink) )*hand\b(?! (?:side|over))"
+)
+
+
+def palms(asked: str) -> str:
+    """Return a question with the word that names the person's hand alone: "what colour is my hand?"."""
+    return _HAND.sub("palm", asked)
+
+
 class Alternatives(Rankings):
     """Finds what a question leaves out and which of its answers is so."""
 

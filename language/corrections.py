@@ -228,8 +228,10 @@ class Corrections(Replies):
         if done is None or not put or not PREFERS.search(sentence) or not isinstance(outcome, Refusal | Plan):
             return None
         there, goal = re.search(r"\bthere\b", sentence) is not None, put[-1].goal
-        if there and any(step.object == put[-1].object and not step.implied for step in getattr(outcome, "steps", ())):
-            return None  # "take it off, put the gray one there instead"
+        steps = getattr(outcome, "steps", ())
+        undone = any(step.object == put[-1].object and not step.implied for step in (steps if there else steps[:1]))
+        if undone:  # "take it off, put the gray one there instead"
+            return None
         shown = Gesture((), put[-1].place) if there and goal is None and put[-1].place is not None else None
         planner = self.planner((shown,) if shown is not None else (), world=done.world)
         if goal is not None and planner.it[:1] == (put[-1].object,):  # "put red on it instead"

@@ -518,7 +518,7 @@ class Dialogue(Conditions):
             return Answer(sentence, 1.0, (), span, about=about, text=told)
         if re.match(r"(?:did|do|are|have|were|can|will|is|was) (?:you|it|that|this|weather)\b", asked):
             return Answer(sentence, 1.0, text=f"I am a robot arm, and do what I can. {abilities(world)}")
-        unknown = r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did) "
+        unknown = r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did|has|have|had|was|were) "
         where = r"where (?:is|are|does|did) (?!.*\b(?:put|move|bring|take|stack|pick|give|drop|set|lay|get)\b)"
         if re.match(unknown, asked) or (re.match(where, asked) and self.open_question() is None):
             return self._unknown(sentence, asked.split())
@@ -574,7 +574,7 @@ def interpret(
 
 def _social(sentence: str, world: WorldModel) -> Answer:
     """Return the answer to small talk: to a greeting, thanks, a farewell, or anything else."""
-    thanks = re.search(r"\bthan(?:k|x)", sentence.lower()) is not None
+    thanks = re.search(r"\b(?:than[kx]|ty\b|tysm\b)", sentence.lower()) is not None
     if says(sentence, "farewells"):
         return Answer(sentence, 1.0, text="You are welcome. Goodbye" if thanks else "Goodbye")
     if says(sentence, "invitations"):

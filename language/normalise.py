@@ -275,7 +275,8 @@ def repaired(found: list[Token]) -> list[Token]:
 
 
 _TAKING_BACK = (
-    r"(?:no actually|no hang on|no hold on|wait hold on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no"
+    r"(?:no actually|actually(?= (?:just|only)\b)|no hang on|no hold on|wait hold on|hang on no|well no|or no|oh no"
+    r"|no not|no wait|wait no|no no"
     r"|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean"
     r"|hold on(?! to)|hang on(?! to)|wait actually"
     r"|no make it|make it|better make it|no better|better|correction|(?<!i )(?<!you )(?<!what )meant)"

@@ -311,6 +311,18 @@ class Planner(Several):
             yield replace(plan, failure="never", reason="never", entity=Entity(span=clause.span))
 
 
+def empty_box(reading: Reading, plan: Draft) -> int | None:
+    """Return the container whose content shall be taken though it has none: "give me the cube in the fridge"."""
+    clause, box = reading.steps[0], next((step.goal for step in plan.steps if step.carries), None)
+    entity = clause.entity
+    if entity is None or entity.kind != "thing" or clause.act not in (Act.TAKE, Act.GIVE, Act.REMOVE):
+        return None
+    chosen = entity.colors or entity.relations or entity.superlative or entity.any or entity.every or entity.pointed
+    if chosen or [place.name for place in clause.places] != ["in"] or box not in plan.world.containers:
+        return None
+    return None if len(plan.world.contents(box)) > 1 else box
+
+
 def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:
     """Return the plan after a clause; its last step keeps the instruction that it was read from."""
     if (clause.instruction is not None or clause.several) and len(plan.steps) > len(before.steps):

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from language.alternatives import ALTERNATIVE, Alternatives
+from language.alternatives import ALTERNATIVE, Alternatives, palms
 from language.comparing import Predicate
 from language.lattice import Lattice
 from language.normalise import questions
@@ -22,17 +22,14 @@ from language.talk import holds, listed, name, phrase, real, seen, state, where
 from language.words import GROUPS, colors, nouns, phrases
 from language.world import WorldModel
 
-_PLAIN_VERBS = frozenset(
-    phrases(
-        "is, are, be, do, does, did, have, has, had, get, got, see, find, know, tell, show, look, want, need, like, put"
-    )
-) | {"left", "can", "could"}
+_PLAIN = "is, are, be, do, does, did, have, has, had, get, got, see, find, know, tell, show, look, want, need, like"
+_PLAIN_VERBS = frozenset(phrases(_PLAIN)) | {"left", "can", "could", "put"}
 _NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _BE = r"(?:is|are|was|were|be|been|does|do|did|has|have|had|stands?|lies?|sits?|rests?|can|got)"
 _ANY = r"(?:anything|something|nothing|everything|any|some|thing|things|all|there)"
 _ADDING = re.compile(
-    r"\b(?:not|no longer|still|already|now|currently|right(?= now| there)|at moment|or not|yet|really|also|just"
-    r"|directly|be|been|being|staying|standing|lying|located|placed|sitting|resting|both|either|today|happens to"
+    r"\b(?:not|no longer|still|already|now|currently|right(?= now| there)|at moment|at present|or not|yet|really|also"
+    r"|just|directly|be|been|being|staying|standing|lying|located|placed|sitting|resting|both|either|today|happens to"
     r"|any more|anymore|actually|properly|completely|left(?= open| closed| shut| over|$)|always|maybe|hidden|stored"
     r"|there|then|in this room|in room|here|somewhere|anywhere)\b ?"
 )
@@ -111,8 +108,10 @@ class Questions(Alternatives):
         asked = re.sub(rf"\b(round|square) ({COLOR}) (?=(?:thing|one|object)s?\b)", r"\2 \1 ", asked)
         for kind, pattern in questions():
             if (match := pattern.search(asked)) and (text := getattr(self, kind)(match)):
+                text = re.sub(r"\b(on|in) (?:palm|my hand|hand)\b", r"\1 your hand", text)
                 return text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
-        return None
+        named = palms(asked)
+        return self._answer(named) if named != asked else None
 
     # ---- Phrases
 

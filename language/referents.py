@@ -108,7 +108,8 @@ def _shown(world: WorldModel, entity: Entity) -> list[Ref]:
 def _things(world: WorldModel, entity: Entity) -> list[Ref]:
     found = []
     for index, thing in enumerate(world.things):
-        if thing.kind == HAND and entity.noun != HAND:  # it is no thing that could be taken
+        named = entity.noun == HAND or (entity.noun is None and any(thing.color == each[0] for each in entity.colors))
+        if thing.kind == HAND and not named:  # it is no thing that could be taken
             continue
         if entity.noun is not None and thing.kind not in GROUPS.get(entity.noun, (entity.noun,)):
             continue
@@ -122,9 +123,8 @@ def _things(world: WorldModel, entity: Entity) -> list[Ref]:
         if entity.single:
             alone = (world.below[index] is None) + (world.above[index] is None)
             cost += (3.0, 1.5, 0.0)[alone]
-        if entity.exposed and world.above[index] is not None:
-            continue
-        if entity.size is not None and not _sized(world, thing.width, entity.size):
+        sized = entity.size is None or _sized(world, thing.width, entity.size)
+        if not sized or (entity.exposed and world.above[index] is not None):
             continue
         found.append(thing_ref(world, index, cost + unsaid))
     return found

@@ -17,7 +17,7 @@ from language.lattice import LIMITING, STRANGERS, Lattice, is_floor
 from language.meanings import Clause, Entity, Gesture, Reading, pointing_words
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
-from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner
+from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner, empty_box
 from language.referents import color_fits
 from language.scanning import Token, text_of
 from language.sentences import readings
@@ -126,6 +126,9 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
+    if not world.cells and (box := empty_box(top.reading, top.plan)) is not None:
+        why = f"nothing is in {name(world, box)}"
+        return Refusal(sentence, 0.5, (), (0, len(sentence)), "impossible", why, offers(world))
     tidying = [c for c in found.failed if _tidies(c, top)]
     lasts = [c.reading.steps[-1] for c in (*found.possible, *found.failed) if not c.reading.unused]
     moves = any(last.act is Act.CARRY and last.places for last in lasts)  # "shift the cube 20 cm to the right"
@@ -137,6 +140,10 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
     if not world.cells and any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
         return refused(sentence, found._replace(failed=measured), world)
+    there = [c for c in impossible if any(place.name == "here" for step in c.reading.steps for place in step.places)]
+    placeless = not any(step.places for step in top.reading.steps)
+    if not world.cells and placeless and any(c.cost < top.cost for c in there):  # "in there" is no other container
+        return refused(sentence, found._replace(failed=there), world)
     close = [c for c in found.possible if c.cost <= top.cost + costs.CLOSE]
     rivals = close[1:]
     if not world.cells:  # only what one reading leaves open is asked about, unless another reading leaves nothing open
@@ -462,6 +469,10 @@ def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
             return f"there is no {' '.join(head) if plain else repr(part)} here"
         if entity.colors and not any(_is_like(plan.world, i, entity) for i in range(len(plan.world.things))):
             return f"there is no {' '.join((head[0], entity.noun or 'thing'))} here"  # wherever it shall be
+        world, inside = plan.world, [each.anchors[0] for each in entity.relations if each.name in ("in", "from")]
+        boxes = [i for i in world.containers if inside and _is_like(world, i, inside[0])]
+        if boxes and not any(world.contents(i) for i in boxes):
+            return f"nothing is in {listed([name(world, i) for i in boxes], 'or')}"
         return f"I do not see which thing is meant by {part!r}"
     if plan.reason == "place":
         return f"{part!r} is a place, and I do not see which thing you mean"

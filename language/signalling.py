@@ -43,7 +43,8 @@ _UNDOES = re.compile(
 )
 BETTER_BEFORE = re.compile(  # "it looked nicer the way it was before"
     r"^(?:(?:no|oh|well|actually|but|wait|i think|you know what) )*"
-    r"(?:(?:it|that) (?:was|looked) (?:better|nicer|right|fine|good)|i (?:liked|preferred) it(?: better| more)?)"
+    r"(?:(?:it|that) (?:was|looked) (?:better|nicer|prettier|tidier|neater|right|fine|good)"
+    r"|i (?:liked|preferred) it(?: better| more)?)"
     r" (?:before|(?:where|how|way) (?:it was|you had it)(?: before)?)$"
     r"|^(?:(?:no|oh|well|actually|but|i think) )*"
     r"(?:first|previous|old|earlier|former|original|last) (?:place|spot|position)(?: for it)? was (?:better|nicer)$"

@@ -191,6 +191,8 @@ class Steps:
             failure = f"{name} cannot be opened or closed; only a drawer or a fridge can"
         elif world.things[index].kind == HAND:
             failure = "your hand is yours; I only put something on it"
+        elif clause.act in TAKING and clause.entity and clause.entity.kind == "it" and index in world.containers:
+            failure = f"nothing is in {name}"
         else:
             failure = f"{name} is fixed and stays where it is"
         return replace(plan, failure=failure, reason="impossible", entity=plan.entity)

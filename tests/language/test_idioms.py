@@ -208,3 +208,147 @@ def test_a_side_after_a_corner_names_another_corner(first, answer, corner):
 def test_a_tower_that_is_not_there_is_not_seen():
     assert turns("is the tower still there?")[0].text == "No: there is no tower here."
     assert "The blue cube is on top of the cyan cube" in f"{said('where is the tower?', 'S').text}"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "told"),
+    [
+        ("has someone pressed that button already", "No: the gray button is up"),
+        ("yellow cube where is", "The yellow cube is on the table"),
+        ("roughly how far apart are the red cube and the yellow cube", "The red cube is 19 cm from the yellow cube."),
+        ("what is that pink thing", "That is your hand."),
+        ("is anything lying on the pink hand", "No: nothing is on your hand."),
+        ("is the hand empty", "Yes: nothing is in your hand."),
+        ("what colour is my hand", "Your hand is pink."),
+        ("status?", "I see the yellow cube"),
+        ("ty", "You are welcome"),
+    ],
+)
+def test_a_question_or_thanks_in_few_words_moves_nothing(sentence, told):
+    assert said(sentence).text.startswith(told)
+
+
+def test_a_question_about_others_is_never_carried_out():
+    assert not isinstance(said("have they put the red cube in the drawer"), Plan)
+
+
+@pytest.mark.parametrize("polite", ["please", "just", "could you", "okay now", "I want you to"])
+def test_a_wording_means_the_same_behind_a_polite_word(polite):
+    assert done(f"{polite} clear the middle") == done("clear the middle")
+
+
+@pytest.mark.parametrize(
+    "sentence", ["give me the cube in the fridge", "take out what is in the fridge", "hand me one from the fridge"]
+)
+def test_an_empty_container_is_called_empty(sentence):
+    assert said(sentence).text == "nothing is in the red fridge"
+
+
+def test_what_is_in_there_is_nothing_where_nothing_is():
+    assert "nothing is in the red fridge" in turns("open the fridge", "whatever's in there take it out")[0].text
+    assert "nothing is in the blue drawer" in turns("open the drawer", "take it out")[0].text
+
+
+@pytest.mark.parametrize("more", ["a little further still please", "still a bit further", "a bit further"])
+def test_further_still_goes_on_in_the_same_direction(more):
+    before, after = (turns("move the red cube a bit to the right", *then)[0].steps[-1].place for then in ((), (more,)))
+    assert after[0] == pytest.approx(before[0], abs=0.01)
+    assert after[1] < before[1] - 0.02
+
+
+def test_a_side_that_was_meant_replaces_the_side_that_was_said():
+    assert turns("put the orange cube on the left side", "sorry i meant right")[0].steps[-1].place[1] < -0.05
+
+
+def test_a_different_one_takes_the_place_of_any_one():
+    assert turns("take a cube", "a different one please")[1] == ["pick_and_place yellow", "lift blue"]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("the drawer is still shut, fix that", "A", ["open drawer"]),
+        ("someone left the drawer open, can you sort that out", "B", ["close drawer"]),
+        ("fridge door open please my hands are full", "A", ["open fridge"]),
+        ("pick any cube you like and give it to me", "A", ["hand_over yellow hand"]),
+        ("put the object you are holding onto the red cube", "G", ["stack yellow red"]),
+    ],
+)
+def test_a_complaint_or_a_reason_asks_for_what_helps(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+@pytest.mark.parametrize(
+    ("sentence", "axis", "sign"),
+    [
+        ("move the cyan cube to the front", 0, -1),
+        ("move the yellow cube to the back", 0, 1),
+        ("the red cube is too far right", 1, 1),
+        ("The yellow cube is too far to the left for my taste.", 1, -1),
+        ("move the red cube in the negative y direction", 1, -1),
+        ("move the red cube as far left as possible", 1, 1),
+    ],
+)
+def test_a_direction_or_a_complaint_about_a_place_moves_to_the_side_that_is_meant(sentence, axis, sign):
+    step = said(sentence).steps[-1]
+    thing = room(FACTS["A"]).things[step.object]
+    assert sign * (step.place[axis] - (thing.x, thing.y)[axis]) > 0.005
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("lemme get that blue cube real quick", "A", ["hand_over blue hand"]),
+        ("Empty whichever container holds the yellow cube.", "I", ["pick_and_place yellow"]),
+        ("Cube red put inside of refrigerator and door close.", "F", ["put_in red fridge", "close fridge"]),
+        ("Could the red cube go where the see-through one is drawn?", "A", ["pick_and_place red target"]),
+        ("Make two towers of two: gray on orange, red on yellow.", "A", ["stack gray orange", "stack red yellow"]),
+        ("It would look so much nicer if the orange cube sat on the gray one.", "A", ["stack orange gray"]),
+        ("open the fridge, well actually just the drawer", "A", ["open drawer"]),
+    ],
+)
+def test_a_roundabout_request_is_carried_out(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "told"),
+    [
+        ("Where stands the yellow cube?", "A", "The yellow cube is on the table"),
+        ("Report status of drawer and fridge.", "A", "No: the blue drawer is closed"),
+        ("Of the cubes, how many are to the right of the yellow one?", "A", "There are three (3)"),
+        ("Show me what's hidden in there, in the drawer.", "K", "The red cube is in the blue drawer"),
+        ("How many containers are open at present?", "BF", "There are two (2)"),
+        ("Do you understand Polish?", "A", "I understand English"),
+    ],
+)
+def test_a_question_in_another_order_gets_its_answer(sentence, state, told):
+    assert said(sentence, state).text.startswith(told)
+
+
+def test_a_quarter_turn_is_no_present():
+    assert isinstance(said("Give the yellow cube a quarter turn."), Refusal)
+
+
+def test_what_looked_prettier_before_is_undone():
+    outcome, _ = turns("put red on blue", "Hmm, it was prettier before.")
+    assert isinstance(outcome, Signal)
+    assert outcome.control == "undo"
+
+
+def test_in_there_is_no_other_container_than_the_one_that_was_spoken_of():
+    outcome, _ = turns("put the red cube in the fridge", "put blue in there too")
+    assert isinstance(outcome, Refusal)
+    assert "full" in outcome.text
+
+
+def test_what_is_taken_out_is_moved_once():
+    _, found = turns("put the orange in the drawer", "take it out again and stick the gray in instead")
+    assert found == ["take_out orange drawer", "pick_and_place orange", "lift gray", "put_in gray drawer"]
+
+
+def test_done_looking_asks_for_nothing():
+    _, found = turns(
+        "give me the gray cube", "Thanks, done looking at it. Put it back on the table next to the blue one."
+    )
+    assert found == ["lift gray", "pick_and_place gray"]
