@@ -173,13 +173,16 @@ def takes_back(parts: Sequence[Part]) -> bool:
     """Whether the last part of a sentence takes its command back: "put it there, or wait, leave it where it is"."""
     last = next((at for at, part in enumerate(parts) if at and _LEFT.fullmatch(" ".join(part.words))), 0)
     said = " ".join(word for part in parts[1:] for word in part.words)
+    if re.search(r"\b(?:if not|otherwise|else)\b", said):
+        return False
     return last == len(parts) - 1 > 0 and parts[0].act is None and _WAITS.search(said) is not None
 
 
 def stops_after_all(parts: Sequence[Part]) -> bool:
     """Whether a sentence ends with "no" or "stop" after a command; "..., then leave it" is part of the command."""
     first, last = parts[0], parts[-1]
-    said = last.act in ("no", "stop") and last.words[0] != "then"
+    otherwise = re.search(r"\b(?:if not|otherwise|else)\b", " ".join(word for part in parts for word in part.words))
+    said = last.act in ("no", "stop") and last.words[0] != "then" and not otherwise
     return len(parts) > 1 and said and first.act is None and len(first.words) > 1
 
 
@@ -268,6 +271,12 @@ _PLAINER = tuple(  # a whole sentence -> the same, as other rules know it
         (r"(.+?) (?:is|was) what i (?:said|meant|wanted|asked for|had in mind)\b.*", r"no, \1"),
         (r"(?:(?:no|sorry|wait|oh)\W+)*i (?:meant|mean|said) (?:to |on )?(?:the )?(left|right)", r"no, \1"),
         (r"(?:(?:a|some) )?different (?:one|cube|block|thing)(?:\W+(?:please|instead|now))*", "no, a different one"),
+        (
+            r"(?:(?:no|sorry|wait|oh|actually|excuse me|scratch that)\W+)+i (?:said|meant) (?!i\b)(.+)",
+            r"no, i meant \1",
+        ),
+        (r"(.*)\bif and only if\b(.+)", r"\1if\2"),
+        (r"(?:(?:no|but|okay|it is)\W+)*my turn\W*(?:now)?\W+(.+)", r"\1"),
         (  # "I didn't say on it, I said beside it"
             r"i (?:did not|didn['\u2019]?t|never) sa(?:y|id) [^.;]*?[,.;]\s*i (?:said|meant) (.+)",
             r"no, \1",
@@ -309,7 +318,8 @@ def plainly(sentence: str) -> str:
 _OPENING = re.compile(
     r"^(?:(?:excuse me|wait|hang on|hold on|pardon(?: me)?|sorry(?: to (?:bother|ask|disturb)(?: you)?)?"
     r"|(?:just )?(?:one|a|quick|small)(?: quick| small| last)? question"
-    r"|kindly|dear|may i ask(?: you)?|by the way|and|so|but|well|hey|okay"
+    r"|(?:he|she|they|(?:my|her|his) \w+) (?:wants to know|want to know|asks?|wonders?)(?: if| whether)?"
+    r"|kindly|dear|may i ask(?: you)?|i (?:meant|wanted|would like|want) to ask|by the way|and|so|but|well|hey|okay"
     r"|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello"
     rf"|{TELLING}|(?:do you |you )?have (?:you )?(?:any|an) idea|please tell me|tell me please|can you say"
     r"|(?:can|could|would|might|may|will) you (?:please )?tell me"
@@ -372,6 +382,9 @@ _EMPHASIS = re.compile(  # "where on earth is it", "where is it, if I may ask"
     r"|(?: [,.])? (?:i|we) (?:can|could|do) not (?:see|find|spot|reach)(?: it| them)?(?: any\w+)?$"
     r"|(?<!done)(?<!did)(?: ,)? for (?:me|us)$"
 )
+_PLEASE = re.compile(
+    r"^((?:what|which|who|where|how|why|is|are|was|were|did|does)\b.*?)(?: ,)?(?: (?:please|thanks|robot))+$"
+)
 WHAT = ("what", "where", "which", "how", "who", "why", "whose")
 _ASKS = (
     *WHAT,
@@ -401,6 +414,7 @@ def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
     text = direct(text)
     asked = _OPENING.sub("", _VOCATIVE.sub("", text.rstrip(" ?.!")))
+    asked = _PLEASE.sub(r"\1", asked)
     tag = r"(?:(?<=open|shut|full)|(?<=closed)|(?<=empty)| ,) (?:right|correct|yes|no|true)$"
     asked = re.sub(tag, " , is it", asked) if text.endswith("?") else asked
     asked = _STATING.sub(r"\g<be> \g<what> \g<how>", asked) if text.endswith("?") else asked

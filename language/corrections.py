@@ -229,6 +229,8 @@ class Corrections(Replies):
             return None
         there, goal = re.search(r"\bthere\b", sentence) is not None, put[-1].goal
         steps = getattr(outcome, "steps", ())
+        if goal not in self.now.containers and re.search(r"\b(?:in there|inside)\b", sentence):
+            return None  # it was moved to another place than is meant now
         undone = any(step.object == put[-1].object and not step.implied for step in (steps if there else steps[:1]))
         if undone:  # "take it off, put the gray one there instead"
             return None

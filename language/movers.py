@@ -48,6 +48,10 @@ class Movers(Steps):
             named = [i for i in self.recent[:3] if allows(world, act, i)][:1]
         if act is Act.UNSTACK and world.held is not None:  # that stands on nothing
             named = [i for i in (*self.recent, *self._unnamed(plan, act)) if world.below[i] is not None][:1] or named
+        if (
+            act in (Act.UNSTACK, Act.REMOVE) and named and world.is_on_ground(named[0])
+        ):  # "take it off" of the lower one
+            named = [named[0] if (upper := world.above[named[0]]) is None else upper]
         if act in BOXES and plan.box is not None and not named:
             named = [plan.box]
         if act is Act.OPERATE and not named and clause.entity is not None and world.held in plan.it[:1]:  # "flip it"

@@ -460,7 +460,7 @@ class Questions(Alternatives):
         self.things = fits
         plain = _ADDING.sub("", f"{rest} ").strip() if not negated else rest
         if not fits and stated.about == "under":
-            return f"nothing is {plain}" + self._unsupported(plain.partition(" ")[2])
+            return f"nothing is {'in there' if plain == 'in' else plain}" + self._unsupported(plain.partition(" ")[2])
         if not fits and (not things or re.search(rf"{_BEST}|\b(?:is|are)\b", rest)):
             return None  # one is always the farthest: the words were not all used
         if not fits:

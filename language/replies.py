@@ -484,7 +484,7 @@ class Replies(Recollections):
     def _meant(self, planner: Planner, entity: Entity, candidates: Sequence[int]) -> list[int]:
         """Return the candidates that a phrase means; any things if there are no candidates."""
         among = set(candidates)
-        if entity.ordinal is not None and not entity.relations and set(among) <= set(self.now.containers):
+        if entity.ordinal is not None and not entity.relations and not entity.sides and among:
             order = list(candidates)  # as they were listed
             return order[entity.ordinal - 1 :][:1] if entity.ordinal > 0 else order[-1:]
         resolver = planner.resolver(planner.world, self.it)

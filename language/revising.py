@@ -81,8 +81,9 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
         phrases = _completed(last.steps, clause.entity)
         objects = [Reading(each) for phrase in phrases if (each := _replaced(last.steps, phrase))]
         bears = clause.entity.kind == "thing" and (clause.entity.noun in ENCLOSING or clause.entity.role)
-        meant = [filled(last, clause.entity, "goal")] if anchors and bears else []
-        return [*meant, *objects] if clause.entity.role == "target" else [*objects, *meant]
+        stored = last.steps[-1].act is Act.STORE and not anchors and clause.entity.noun in ENCLOSING  # "no, the drawer"
+        meant = [filled(last, clause.entity, "goal", "in")] if stored or (anchors and bears) else []
+        return [*meant, *objects] if stored or clause.entity.role == "target" else [*objects, *meant]
     old = last.steps[-1]
     places = tuple(_anchored(place, old.places) for place in clause.places)
     verb = CARRY if old.act is None or old.act not in (Act.CARRY, Act.LOWER) else old.verb

@@ -44,6 +44,12 @@ _WORD = re.compile(
 _LONG = re.compile(r"([a-z])\1{2,}")  # "nooo"
 _DROPPED = frozenset({"-", '"', "*", "(", ")", "_", "the", "teh", "hte", "th", "tha"})
 _SHORT = dict(pair.split(": ") for pair in phrases(TABLE["short"]))  # without an apostrophe
+_SWAPPED = {  # neighbouring letters of the commonest words: "taht"
+    word[:at] + word[at + 1] + word[at] + word[at + 2 :]: word
+    for word in phrases(TABLE["swapped"])
+    for at in range(len(word) - 1)
+}
+_SHORT = {**{typed: word for typed, word in _SWAPPED.items() if typed not in phrases(TABLE["swapped"])}, **_SHORT}
 _CLITICS = {"ll": "will", "re": "are", "ve": "have", "m": "am", "d": "would"}
 _BE = phrases("that, there, here, what, where, who, it, how, he, she, everything, something, nothing, when, why, this")
 _HUMS = frozenset(phrases(TABLE["hums"]))

@@ -20,7 +20,10 @@ _LITTLE = (
     r"(?:(?:just|only) )?(?:(?:a )?(?:(?:tiny|little|wee|small) )*(?:bit|little|tad|touch|notch)|slightly|somewhat)"
 )
 _MUCH = r"(?:a lot|a good bit|much|lots|way|even|far|any)"
-_PACE = r"(?:faster|quicker|slower|(?:more|less) (?:quickly|speedily|slowly|gently|carefully)|quickly|slowly|gently)"
+_PACE = (
+    r"(?:(?:faster|quicker|slower)(?: (?:movements?|moves?|motions?))?"
+    r"|(?:more|less) (?:quickly|speedily|slowly|gently|carefully)|quickly|slowly|gently)"
+)
 _MOVES = (
     r"(?:move|go|work|act|be|drive|run|walk|turn|do (?:it|that|this|things)|take (?:it|things)|make it|go about it|get)"
 )
@@ -72,6 +75,7 @@ def plainest(text: str) -> str:
     said = re.sub(rf"^{_KIND}(?=\w)", "", said)
     said = re.sub(
         r"(?: (?:please|right now|immediately|now|next time|at once|for a (?:second|moment)|from (?:now|here) on"
+        r"|that would be (?:nice|great|good|lovely|better)"
         rf"|{_LITTLE}))+$",
         "",
         said,

@@ -65,6 +65,20 @@ _IF_SO = re.compile(  # "check whether it is empty, and if so put ..."
     r"|(?: and| then)+(?= (?:put|take|give|bring|move|hand|get) (?:it|that|them)\b))",
     re.IGNORECASE,
 )
+_DICTATED = tuple(  # marks that a speaker says to a recogniser
+    (re.compile(rf"(?:^|(?<=\w))\s*\b(?:{said})\b\s*{end}", re.IGNORECASE), mark)
+    for said, end, mark in (
+        ("full stop|period", r"\W*$", "."),
+        ("question mark", "", "? "),
+        ("exclamation mark|exclamation point", "", "! "),
+        ("comma", "", ", "),
+        ("new line|new paragraph", "", " "),
+    )
+)
+_TO_A_DEAR = re.compile(
+    r"\s*,\s*(?:my )?(?:dear|love|darling|honey|sweetie|pal|mate|buddy|sir|madam)(?=\s*[.!?]?\s*$)", re.IGNORECASE
+)
+_TO_A_MAN = re.compile(r"^\s*(?:young|old|good|my) (?:man|lady|fellow|boy|girl)\s*,\s*", re.IGNORECASE)
 _BEFORE_A_THING = frozenset(
     phrases("near, to, in, on, of, at, into, onto, behind, beside, between, by, from, under, with")
 )
@@ -76,6 +90,9 @@ _LONGEST = 3  # words that are said again within a clause
 
 def fluent(sentence: str) -> str:
     """Return a sentence without praise before "but", and without what its speaker begins again or takes back."""
+    for said, mark in _DICTATED:
+        sentence = said.sub(mark, sentence)
+    sentence = _TO_A_MAN.sub("", _TO_A_DEAR.sub("", sentence)) or sentence
     sentence = _IF_SO.sub(r"if \g<so>,", _ITS.sub(r"\1's ", sentence))
     sentence = _NOT_BUT.sub(r"\g<not>, ", _RHETORICAL.sub("", _PRAISE.sub("", sentence)))
     sentence = _DID_MEAN.sub(r"\1 meant", _SHOULD.sub(r"\1 would ", sentence))

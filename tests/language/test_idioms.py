@@ -352,3 +352,137 @@ def test_done_looking_asks_for_nothing():
         "give me the gray cube", "Thanks, done looking at it. Put it back on the table next to the blue one."
     )
     assert found == ["lift gray", "pick_and_place gray"]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "steps"),
+    [
+        ("take the second one from the right", ["lift orange"]),
+        ("pick up the third cube from the left", ["lift yellow"]),
+        ("lift the red cube 10 cm", ["lift red"]),
+        ("open drawer, blue in, close", ["open drawer", "put_in blue drawer", "close drawer"]),
+    ],
+)
+def test_loose_cubes_are_counted_and_no_part_is_left_out(sentence, steps):
+    assert done(sentence) == steps
+
+
+def test_off_takes_the_upper_one():
+    assert turns("put the red cube on the blue cube", "what is under the red cube", "take it off")[1] == ["lift red"]
+
+
+def test_what_was_done_to_a_device_is_told():
+    assert turns("turn the wheel", "did you turn the wheel")[0].text.startswith("Yes: the red wheel")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("drawer's been left open, would you mind?", "B", ["close drawer"]),
+        ("could do with somebody lifting that grey block", "A", ["lift gray"]),
+        ("deposit payload in drawer", "D", ["put_in red drawer"]),
+        ("put cube yellow up on cube red", "A", ["stack yellow red"]),
+        ("button, push one time", "A", ["press button"]),
+        ("whatever cube is lying closest to the drawer uh pick that up", "A", ["lift blue"]),
+    ],
+)
+def test_a_hint_and_another_word_order_are_understood(sentence, state, steps):
+    assert done(sentence, state) == steps
+
+
+@pytest.mark.parametrize("correction", ["no, the drawer", "no i said the drawer", "i meant the drawer"])
+def test_a_container_after_a_container_that_was_not_named_takes_its_place(correction):
+    outcome = outcome_of(f"put the grey cube in / {correction}", room(FACTS["F"]))
+    assert named(outcome.steps)[-1] == "put_in gray drawer"
+
+
+def test_there_is_the_container_that_something_was_taken_out_of():
+    said_before = "Take the red cube out of the drawer and put it on the table"
+    outcome = outcome_of(f"{said_before} / Put the blue one in there instead.", room(FACTS["I"]))
+    assert named(outcome.steps) == ["lift blue", "put_in blue drawer"]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "told"),
+    [
+        ("what is in the fridge please", "K", "The yellow cube is in the red fridge"),
+        ("gripper status?", "A", "My gripper is empty"),
+        ("status fridge", "F", "The red fridge is open"),
+        ("i uh i meant to ask is the fridge open or closed", "A", "The red fridge is closed"),
+    ],
+)
+def test_a_polite_or_terse_question_gets_its_answer(sentence, state, told):
+    assert said(sentence, state).text.startswith(told)
+
+
+def test_stop_is_heard_behind_another_remark():
+    outcome = said("my turn now stop!!")
+    assert isinstance(outcome, Signal)
+    assert outcome.control == "stop"
+
+
+@pytest.mark.parametrize(
+    "kept", ["keep the red cube where it is and", "leave the red cube alone and", "leave red there,"]
+)
+def test_what_shall_stay_is_none_of_the_others(kept):
+    moved = {NAMES[step.object] for step in said(f"{kept} move the others to the right").steps}
+    assert moved == {"yellow", "blue", "orange", "cyan", "gray"}
+
+
+def test_cubes_are_put_in_the_order_of_their_names():
+    steps = [step for step in said("put the cubes in order red yellow blue from left to right").steps if step.carries]
+    assert [NAMES[step.object] for step in steps] == ["red", "yellow", "blue"]
+    assert steps[0].place[1] > steps[1].place[1] > steps[2].place[1]
+
+
+@pytest.mark.parametrize(("rank", "cube"), [("the first", "blue"), ("the second one", "gray"), ("number 2", "gray")])
+def test_a_rank_is_that_of_the_question(rank, cube):
+    first = "give me the cube next to the orange one"
+    assert "the blue cube, the gray cube" in turns(first)[0].text
+    assert turns(first, rank)[1] == [f"lift {cube}", f"hand_over {cube} hand"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("put yelow on red / ok nwo undo taht", "undo"),
+        ("lift the gray cube / Hold it there for a moment.", "wait"),
+        ("could you go a bit quicker from now on that would be nice", "faster"),
+        ("Slower movements from here on, thank you.", "slower"),
+    ],
+)
+def test_a_signal_is_known_with_swapped_letters_and_more_words(typed, meant):
+    outcome = outcome_of(typed, room(FACTS["A"]))
+    assert isinstance(outcome, Signal)
+    assert outcome.control == meant
+
+
+@pytest.mark.parametrize(
+    ("sentence", "state", "steps"),
+    [
+        ("mvoe teh cyan cube abt 5 cm to teh rihgt", "A", ["pick_and_place cyan"]),
+        ("put the red cube comma the small one comma in the drawer full stop", "B", ["put_in red drawer"]),
+        ("Load red, close up.", "B", ["put_in red drawer", "close drawer"]),
+        ("My daughter asks if you can give her the yellow block.", "A", ["hand_over yellow hand"]),
+        ("If and only if the fridge is closed, open it.", "A", ["open fridge"]),
+    ],
+)
+def test_typed_dictated_and_reported_commands_are_carried_out(sentence, state, steps):
+    assert done(sentence, state)[-len(steps) :] == steps
+
+
+def test_what_is_left_otherwise_is_no_command_taken_back():
+    assert not isinstance(said("if the drawer's empty, pop the yellow cube in it; if not, leave it."), Signal)
+
+
+@pytest.mark.parametrize(
+    ("sentences", "told"),
+    [
+        ("press the button / is it down now question mark", "Yes: the gray button is down"),
+        ("put red in the drawer / Ooh what's that inside?", "The red cube is in the blue drawer"),
+        ("So what can this thing actually do?", "I can reach for things"),
+        ("take the yellow cube / What is it that you hold at the moment?", "I hold the yellow cube"),
+    ],
+)
+def test_an_unusual_question_gets_its_answer(sentences, told):
+    assert outcome_of(sentences, room(FACTS["A"])).text.startswith(told)
