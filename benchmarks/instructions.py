@@ -1,6 +1,6 @@
 """Instruction sets: sentences with what a person would expect to happen, and how many expectations are met.
 
-    python -m benchmarks.instructions --data FILE|FOLDER [--errors] [--json] [--by kind]
+    python -m benchmarks.instructions --data FILE|FOLDER [--errors] [--json] [--by kind] [--every N]
 
 A set is a JSONL file beside its scene: a room with named states, or a board or table as `python -m language` reads it.
 Each sentence is given to `language.Dialogue.answer`, as the page does; the earlier turns of a conversation are said
@@ -238,12 +238,15 @@ def main() -> None:
     parser.add_argument("--errors", action="store_true", help="list the sentences that meet no expectation")
     parser.add_argument("--by", default="source", help="field of the sentences by which they are counted (source)")
     parser.add_argument("--json", action="store_true", help="print the counts as JSON on the last line")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="say only each N-th sentence of a set (1)")
     parser.add_argument("--answers", type=Path, metavar="FILE.jsonl", help="file that receives the answers")
     args = parser.parse_args()
+    if args.every < 1:
+        raise ConfigError(f"--every {args.every}: must be at least 1")
     files = sets_of(args.data)
     if not files:
         raise ConfigError(f"--data {args.data}: no such file, and no folder with *.jsonl")
-    items = [(item, path.parent) for path in files for item in read_set(path)]
+    items = [(item, path.parent) for path in files for item in read_set(path)[:: args.every]]
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     runner, answers = SetRunner(), []
     for item, folder in items:

@@ -7,16 +7,20 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers.thorough import option
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.slow
 def test_the_own_sets_are_understood_as_well_as_when_they_were_measured():
+    every, number = (1, 6433) if option["thorough"] else (12, 556)  # a conversation is one line, and stays whole
     command = [sys.executable, "-m", "benchmarks.instructions", "--data", "benchmarks/sets", "--json"]
+    command += ["--every", str(every)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     total = json.loads(done.stdout.splitlines()[-1])["total"]
-    assert total["n"] == 6433
-    assert total["met"] >= 0.88 * total["n"]
+    assert total["n"] == number
+    assert total["met"] >= 0.92 * total["n"]
     assert total["wrong"] <= 0.01 * total["n"]
     assert total["refused unhelpfully"] <= 0.02 * total["n"]
 
