@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+import benchmarks.time_to_success  # noqa: F401  # for the forks that run it
+from tests.helpers.programs import run_module
+
 ROOT = Path(__file__).resolve().parents[2]
 CURVES = {  # learner -> the curves of its seeds
     "ours-sac": [[[20.0, 400, 0.5], [40.0, 800, 0.96]], [[30.0, 400, 0.97]], [[24.0, 400, 0.9], [50.0, 800, 0.98]]],
@@ -16,11 +19,10 @@ CURVES = {  # learner -> the curves of its seeds
 }
 
 
-def time_to_success(*words, code=0, **environment):
-    command = [sys.executable, "-m", "benchmarks.time_to_success", *words]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ | environment)
-    assert done.returncode == code, done.stderr
-    return done.stdout if code == 0 else done.stderr
+def time_to_success(*words, code=0):
+    done = run_module("benchmarks.time_to_success", *words)
+    assert done.code == code, done.err
+    return done.out if code == 0 else done.err
 
 
 def result(**changes):
@@ -90,8 +92,11 @@ def test_a_missing_package_is_named_with_what_installs_it(tmp_path, package):
     found = f"for name in {others}: sys.modules.setdefault(name, importlib.util.module_from_spec(spec(name, None)))\n"
     head = "import importlib.util, sys\nfrom importlib.machinery import ModuleSpec as spec\n"
     (tmp_path / "sitecustomize.py").write_text(head + hidden + found)
-    words = ["--env", "PandaReach-v3", "--learners", "sbx-sac"]
-    text = time_to_success(*words, code=1, PYTHONPATH=str(tmp_path))
+    words = ["-m", "benchmarks.time_to_success", "--env", "PandaReach-v3", "--learners", "sbx-sac"]
+    without = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, cwd=ROOT, env=without)
+    assert done.returncode == 1
+    text = done.stderr
     assert f"sbx-sac in PandaReach-v3 needs {package}, which is not installed" in text
     assert 'pip install -e ".[bench]"' in text
     assert len(text.splitlines()) == 1
@@ -100,13 +105,13 @@ def test_a_missing_package_is_named_with_what_installs_it(tmp_path, package):
 @pytest.mark.slow
 def test_our_learners_have_curves_in_an_environment_with_words_and_one_with_goals():
     for env, commands in (("Deixis/NLReach-v0", "train.py"), ("Deixis/Reach-v0", "examples/goal_env.py")):
-        words = ["--env", env, "--learners", "ours-ppo", "--frames", "2048", "--episodes", "10", "--json"]
-        shorter = ["collector.worlds=16", "algo.horizon=16", "algo.grounding_scenes=16", "eval.worlds=10"]
+        words = ["--env", env, "--learners", "ours-ppo", "--frames", "256", "--episodes", "2", "--json"]
+        shorter = ["collector.worlds=16", "algo.horizon=16", "algo.grounding_scenes=16", "eval.worlds=2"]
         found = json.loads(time_to_success(*words, *shorter).splitlines()[-1])
         (run,) = found["runs"]
         ((seconds, frames, success),) = run["evaluations"]
         assert 0 < seconds < run["seconds"]
-        assert frames == 2048
+        assert frames == 256
         assert 0 <= success <= 1
         assert found["settings"]["ours-ppo"].startswith(commands)
         assert found["ours_over_best_peer"] == {"90": None, "95": None, "97": None}
@@ -122,7 +127,8 @@ def test_a_run_ends_with_its_budget_of_seconds():
 
 @pytest.mark.slow
 def test_a_training_alone_has_its_seconds_and_their_parts():
-    words = ["total_frames=2048", "algo.horizon=16", "eval.episodes=20", "eval.video_episodes=0"]
+    words = ["total_frames=256", "collector.worlds=16", "algo.horizon=16", "algo.minibatch=64"]
+    words += ["eval.episodes=4", "eval.worlds=4", "eval.video_episodes=0"]
     head, _, row, _, parts, _, seconds = time_to_success(*words).splitlines()
     assert head.startswith("| seed | first 0.90 | first 0.95 | first 0.97 | whole command |")
     assert row.startswith("| 0 | not reached | not reached | not reached |")

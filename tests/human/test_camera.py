@@ -1,9 +1,5 @@
 """`python -m human.camera`: training and evaluation from the command line."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -13,8 +9,7 @@ from human import camera
 from human.arms import Unreachable
 from human.camera import fit, generate_frames, main, ray_loss
 from human.ray_reader import SHIPPED_WEIGHTS, as_input, load
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.helpers.programs import run_module
 
 
 @pytest.mark.slow
@@ -82,13 +77,11 @@ def test_training_does_not_change_the_shipped_weights(camera_setup, monkeypatch,
     assert SHIPPED_WEIGHTS.stat().st_mtime_ns == before
 
 
-@pytest.mark.slow
 def test_errors_exit_with_1_and_no_traceback():
-    command = [sys.executable, "-m", "human.camera", "evaluate", "scenes=-1"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith("error: scenes=-1 is out of range")
-    assert "Traceback" not in done.stderr
+    done = run_module("human.camera", "evaluate", "scenes=-1")
+    assert done.code == 1
+    assert done.err.splitlines()[-1].startswith("error: scenes=-1 is out of range")
+    assert "Traceback" not in done.err
 
 
 @pytest.mark.slow

@@ -1,12 +1,12 @@
 """The project's own instruction sets: how many expectations are met, through the function that the page calls."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+import benchmarks.instructions  # noqa: F401  # for the forks that run it
+from tests.helpers.programs import run_module
 from tests.helpers.thorough import option
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -15,10 +15,10 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.mark.slow
 def test_the_own_sets_are_understood_as_well_as_when_they_were_measured():
     every, number = (1, 6433) if option["thorough"] else (12, 556)  # a conversation is one line, and stays whole
-    command = [sys.executable, "-m", "benchmarks.instructions", "--data", "benchmarks/sets", "--json"]
-    command += ["--every", str(every)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    total = json.loads(done.stdout.splitlines()[-1])["total"]
+    words = ["--data", "benchmarks/sets", "--json", "--every", str(every)]
+    done = run_module("benchmarks.instructions", *words, timeout=1200)
+    assert done.code == 0, done.err
+    total = json.loads(done.out.splitlines()[-1])["total"]
     assert total["n"] == number
     assert total["met"] >= 0.92 * total["n"]
     assert total["wrong"] <= 0.01 * total["n"]
@@ -37,8 +37,7 @@ def test_the_own_sets_are_understood_as_well_as_when_they_were_measured():
 def test_a_set_that_cannot_be_said_is_refused_in_one_line(tmp_path, line, told):
     (tmp_path / "room.yaml").write_bytes((ROOT / "benchmarks" / "sets" / "room.yaml").read_bytes())
     (tmp_path / "own.jsonl").write_text(line)
-    command = [sys.executable, "-m", "benchmarks.instructions", "--data", str(tmp_path / "own.jsonl")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
-    assert done.returncode == 2
-    assert told in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    done = run_module("benchmarks.instructions", "--data", str(tmp_path / "own.jsonl"))
+    assert done.code == 2
+    assert told in done.err
+    assert len(done.err.splitlines()) == 1

@@ -1,13 +1,13 @@
 """Ways of saying one thing: the program that compares other wordings with the plain sentence."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+import benchmarks.ways  # noqa: F401  # for the forks that run it
+from tests.helpers.programs import run_module
+from tools.forked import ProcessResult
+
 GROUPS = """\
 #A
 = put the red cube in the drawer
@@ -25,18 +25,17 @@ pick up the cyan cube
 """
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "benchmarks.ways", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+def run(*arguments: str) -> ProcessResult:
+    return run_module("benchmarks.ways", *arguments)
 
 
 def test_ways_are_counted_by_what_comes_of_them(tmp_path):
     path = tmp_path / "groups.txt"
     path.write_text(GROUPS)
     done = run("--data", str(path), "--errors", "--json")
-    total = json.loads(done.stdout.splitlines()[-1])["total"]
+    total = json.loads(done.out.splitlines()[-1])["total"]
     assert total == {"ways": 6, "same": 3, "other plan": 2, "answer": 1}
-    listed = [line for line in done.stdout.splitlines() if line.startswith("#A")]
+    listed = [line for line in done.out.splitlines() if line.startswith("#A")]
     assert len(listed) == 3
     assert all(" got: " in line for line in listed)
 
@@ -46,12 +45,12 @@ def test_a_group_without_a_state_or_a_plain_sentence_is_named(tmp_path, text):
     path = tmp_path / "groups.txt"
     path.write_text(text)
     done = run("--data", str(path))
-    assert done.returncode == 2
-    assert not done.stdout
-    assert "a group needs one line '#STATE' and a line '= plain sentence'" in done.stderr
+    assert done.code == 2
+    assert not done.out
+    assert "a group needs one line '#STATE' and a line '= plain sentence'" in done.err
 
 
 def test_a_folder_without_files_is_named(tmp_path):
     done = run("--data", str(tmp_path))
-    assert done.returncode == 2
-    assert "no folder with *.txt" in done.stderr
+    assert done.code == 2
+    assert "no folder with *.txt" in done.err

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import base64
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +11,11 @@ import pytest
 import yaml
 
 from core.errors import ConfigError
+from tests.helpers.programs import run_module
 from tests.helpers.run_folders import add_run, config
 from trainers.evaluation.video import open_video
 from trainers.reports.report import write
 from trainers.sweeps.runs import find_runs
-
-ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
@@ -208,7 +204,6 @@ def test_a_report_without_finished_runs_is_refused_with_the_first_error(tmp_path
         write(tmp_path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -221,15 +216,9 @@ def test_a_report_without_finished_runs_is_refused_with_the_first_error(tmp_path
 def test_bad_input_gets_one_line_and_no_traceback(arguments, message, tmp_path):
     (tmp_path / "file").touch()
     words = [word.format(tmp=tmp_path) for word in arguments]
-    done = subprocess.run(
-        [sys.executable, "-m", "trainers.reports.report", *words],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env=os.environ,
-    )
-    assert done.returncode == 1
-    assert done.stdout == ""
-    (line,) = done.stderr.splitlines()
+    done = run_module("trainers.reports.report", *words)
+    assert done.code == 1
+    assert done.out == ""
+    (line,) = done.err.splitlines()
     assert line.startswith("error: ")
     assert message in line
