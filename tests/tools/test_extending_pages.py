@@ -7,16 +7,13 @@ from pathlib import Path
 
 import pytest
 
+import trainers.run.train_loop  # noqa: F401  # and its libraries, for the forks
+from tests.helpers.programs import run_code_from
 from tools.documented_commands import FENCE, FILE_HEADER, copy_project, page_applied
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIAL, EXTENDING = ((ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("tutorial.md", "extending.md"))
 BLOCKS = [block for page in (TUTORIAL, EXTENDING) for block in FENCE.findall(page)]
-LEAN = """
-from core.platform_tuning import lean_imports
-with lean_imports():
-    import trainers.run.train_loop
-"""
 TRAIN = """
 from pathlib import Path
 import torch, train
@@ -90,11 +87,9 @@ def copy(tmp_path_factory):
 
 
 def run(folder, code):
-    done = subprocess.run(
-        [sys.executable, "-c", LEAN + code], cwd=folder, env={"PYTHONPATH": str(folder)}, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
+    done = run_code_from([folder], code, folder)
+    assert done.code == 0, done.err
+    assert "Traceback" not in done.err
 
 
 @pytest.mark.slow
