@@ -35,8 +35,11 @@ def running(tmp_path, request):
 
 
 def stop(process: subprocess.Popen, folder: Path, number: signal.Signals) -> str:
-    """Sends the signal, checks that the run saves and leaves no process, and returns what it wrote to stderr."""
-    process.send_signal(number)
+    """Sends the signal, checks that the run saves and leaves no process, and returns what it wrote to stderr.
+
+    The workers hear it too: terminals and job schedulers send it to the whole group.
+    """
+    os.killpg(process.pid, number)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 128 + number, errors
     assert (folder / "checkpoints" / "last.pt").is_file()

@@ -7,15 +7,11 @@ import pytest
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "code",
-    [
+def test_nothing_is_printed_at_start():
+    code = (
         "import human; import envs; envs.make_env([]).close(); import gymnasium; "
-        "gymnasium.make('Deixis/NLPickAndPlace-v0').close()",
-        "import envs.workspace_env",
-    ],
-)
-def test_nothing_is_printed_at_start(code):
+        "gymnasium.make('Deixis/NLPickAndPlace-v0').close()"
+    )
     done = subprocess.run([sys.executable, "-W", "error::UserWarning", "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 

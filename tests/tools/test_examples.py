@@ -72,13 +72,13 @@ def test_a_recording_is_imitated(kind, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_our_trainers_learn_in_a_gymnasium_environment_with_goals(tmp_path, capsys):
-    words = ["algo=sac", "total_frames=2400", "algo.learning_starts=500", "collector.worlds=4", "collector.workers=1"]
-    result = example("goal_env").main(["Deixis/Reach-v0", *words, "eval.episodes=20", "--folder", str(tmp_path)])
-    assert result["frames"] == 2400
+    words = ["algo=sac", "total_frames=600", "algo.learning_starts=300", "collector.worlds=4", "collector.workers=1"]
+    result = example("goal_env").main(["Deixis/Reach-v0", *words, "eval.episodes=4", "--folder", str(tmp_path)])
+    assert result["frames"] == 600
     assert 0 <= result["success_at_end"] <= 1
     assert json.loads(capsys.readouterr().out.splitlines()[-1]) == {"success_at_end": result["success_at_end"]}
-    more = [*words, "total_frames=2600", "eval.episodes=20", "--folder", str(tmp_path)]
-    assert example("goal_env").main(["Deixis/Reach-v0", *more])["frames"] > 2400  # the same run goes on
+    more = [*words, "total_frames=800", "eval.episodes=4", "--folder", str(tmp_path)]
+    assert example("goal_env").main(["Deixis/Reach-v0", *more])["frames"] > 600  # the same run goes on
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ class Notebook:
             exec(compile(self.cells[name], f"cell {name}", "exec"), self.names)
             if name == "parameters":
                 assert {"FRAMES", "EPISODES"} <= set(self.names)
-                self.names |= {"FRAMES": 2048, "EPISODES": 20}
+                self.names |= {"FRAMES": 1024, "EPISODES": 12}
 
 
 @pytest.fixture
@@ -160,8 +160,8 @@ def test_the_notebook_trains_evaluates_plots_and_films(notebook, capsys):
     notebook.run()
     names = notebook.names
     assert "success_at_end" in capsys.readouterr().out.splitlines()[0]
-    assert [row["frames"] for row in names["metrics"]] == [2048]
-    assert {name: result.episodes for name, result in names["results"].items()} == dict.fromkeys(names["readers"], 20)
+    assert [row["frames"] for row in names["metrics"]] == [1024]
+    assert {name: result.episodes for name, result in names["results"].items()} == dict.fromkeys(names["readers"], 12)
     assert [axes.get_xlabel() for axes in notebook.axes] == ["frames", "success", "y, metres: to the robot's left"]
     assert len(notebook.axes[1].patches) == len(names["bars"]) > 3
     assert len(names["pictures"]) == len(names["paths"]) - 1 == len(list(names["film"].new_frame_seq()))
