@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-import benchmarks.time_to_success  # noqa: F401  # for the forks that run it
+import tools.peer_comparison  # noqa: F401
+import trainers.run.metrics  # noqa: F401  # for the forks
 from tests.helpers.programs import run_module
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import benchmarks.instructions  # noqa: F401  # for the forks that run it
+import language.dialogue  # noqa: F401  # for the forks
 from tests.helpers.programs import run_module
 from tests.helpers.thorough import option
 

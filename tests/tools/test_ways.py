@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-import benchmarks.ways  # noqa: F401  # for the forks that run it
+import language.dialogue  # noqa: F401  # for the forks
 from tests.helpers.programs import run_module
 from tools.forked import ProcessResult
 
