@@ -35,11 +35,11 @@ def running(tmp_path, request):
 
 
 def stop(process: subprocess.Popen, folder: Path, number: signal.Signals) -> str:
-    """Sends the signal, checks that the run saves and leaves no process, and returns what it wrote to stderr.
-
-    The workers hear it too: terminals and job schedulers send it to the whole group.
-    """
-    os.killpg(process.pid, number)
+    """Sends the signal, checks that the run saves and leaves no process, and returns what it wrote to stderr."""
+    if number == signal.SIGINT:
+        os.killpg(process.pid, number)  # as a terminal does: the workers hear it too
+    else:
+        process.send_signal(number)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 128 + number, errors
     assert (folder / "checkpoints" / "last.pt").is_file()

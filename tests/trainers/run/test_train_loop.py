@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
+import textwrap
+import time
 from functools import partial
 from pathlib import Path
 
@@ -152,6 +157,22 @@ def test_the_result_is_reported_even_if_it_cannot_be_written(tmp_path):
     assert [result["frames"] for result in results] == [128]
 
 
+SCRIPT = """
+from pathlib import Path
+from functools import partial
+from core.platform_tuning import lean_imports
+with lean_imports():
+    from trainers.run.train_loop import fit
+from tests.helpers.fake_env import WORDS, FakeEnv
+from tests.helpers.training_configs import config, training
+def make(worlds, seed):
+    return FakeEnv(worlds, seed, nap=0.002)
+if __name__ == "__main__":
+    o = ("total_frames=1000000", "collector.workers=2")
+    fit(training(overrides=o), make, Path("out"), config(overrides=o), WORDS)
+"""
+
+
 @pytest.mark.slow
 def test_a_signal_during_an_evaluation_loses_no_row(tmp_path, monkeypatch):
     def stopped(*arguments, **options):
@@ -164,3 +185,33 @@ def test_a_signal_during_an_evaluation_loses_no_row(tmp_path, monkeypatch):
     assert left.value.code == 130
     saved = checkpoint.load(tmp_path / "checkpoints" / "last.pt")
     assert saved["counters"]["frames"] == read_metrics(tmp_path / "metrics.csv")[-1]["frames"] > 0
+
+
+@pytest.mark.slow
+def test_sigterm_to_all_processes_saves_a_checkpoint_and_ends_them(tmp_path):
+    (tmp_path / "script.py").write_text(textwrap.dedent(SCRIPT))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen([sys.executable, "script.py"], cwd=tmp_path, env=environment, start_new_session=True)
+    metrics = tmp_path / "out" / "metrics.csv"
+    try:
+        deadline = time.monotonic() + 240  # where others are busy, the imports alone take a minute
+        while len(read_metrics(metrics)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGTERM)  # as a job scheduler does: the workers hear it too
+        assert process.wait(30) == 143
+    finally:
+        process.kill()
+    assert checkpoint.load(tmp_path / "out" / "checkpoints" / "last.pt")["counters"]["frames"] >= 256
+    assert gone(process.pid)
+
+
+def gone(group, seconds=5.0):
+    """Whether no process of the group is left, after the moment that multiprocessing's own tracker takes to notice."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
