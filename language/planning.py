@@ -12,6 +12,7 @@ from itertools import pairwise
 from language import costs
 from language.chart import is_mutual
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
+from language.referents import color_fits
 from language.revising import only_verb, unfit
 from language.several import Several
 from language.spots import a_name, is_elsewhere, pinned
@@ -28,6 +29,7 @@ from language.steps import (
     unsaid,
 )
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
+from language.world import WorldModel
 
 # Effort: phrases that are weighed and steps that are tried for one sentence, of about 0.03 ms each.
 ENOUGH_EFFORT, ENOUGH_ON_BOARD = 350, 700  # after this, no further readings are weighed if one can be carried out
@@ -309,6 +311,12 @@ class Planner(Several):
                 yield from [mover] if mover.failure or mover.mover is None else self._act(mover, clause)
         else:
             yield replace(plan, failure="never", reason="never", entity=Entity(span=clause.span))
+
+
+def is_like(world: WorldModel, index: int, entity: Entity) -> bool:
+    """Whether a thing has the colours and the kind of a phrase, wherever it is."""
+    kind = entity.noun in (None, "thing", world.things[index].kind)
+    return kind and all(color_fits(world, index, color) for color in entity.colors)
 
 
 def empty_box(reading: Reading, plan: Draft) -> int | None:

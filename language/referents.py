@@ -595,8 +595,6 @@ class Resolver:
             start = (relation.value or start) if relation.name == "direction" else start
         known = start in (*SIDES, "front", "back", "forward", "backward")
         way = along(self.world, start) if known else attrgetter("y")
-        loose = [
-            ref for ref in self._solid(refs) if entity.noun or (ref.things and self.world.is_loose(ref.things[-1]))
-        ]
+        loose = [r for r in self._solid(refs) if entity.noun or (r.things and self.world.is_loose(r.things[-1]))]
         order = sorted(loose or refs, key=lambda ref: -way(ref))
         return order[entity.ordinal - 1 :][:1] if entity.ordinal > 0 else order[-1:]

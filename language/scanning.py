@@ -49,7 +49,7 @@ _SWAPPED = {  # neighbouring letters of the commonest words: "taht"
     for word in phrases(TABLE["swapped"])
     for at in range(len(word) - 1)
 }
-_SHORT = {**{typed: word for typed, word in _SWAPPED.items() if typed not in phrases(TABLE["swapped"])}, **_SHORT}
+_SHORT = _SWAPPED | _SHORT
 _CLITICS = {"ll": "will", "re": "are", "ve": "have", "m": "am", "d": "would"}
 _BE = phrases("that, there, here, what, where, who, it, how, he, she, everything, something, nothing, when, why, this")
 _HUMS = frozenset(phrases(TABLE["hums"]))

@@ -17,8 +17,7 @@ from language.lattice import LIMITING, STRANGERS, Lattice, is_floor
 from language.meanings import Clause, Entity, Gesture, Reading, pointing_words
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
-from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner, empty_box
-from language.referents import color_fits
+from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Planner, empty_box, is_like
 from language.scanning import Token, text_of
 from language.sentences import readings
 from language.several import GRIPS_ONE
@@ -129,21 +128,9 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if not world.cells and (box := empty_box(top.reading, top.plan)) is not None:
         why = f"nothing is in {name(world, box)}"
         return Refusal(sentence, 0.5, (), (0, len(sentence)), "impossible", why, offers(world))
-    tidying = [c for c in found.failed if _tidies(c, top)]
-    lasts = [c.reading.steps[-1] for c in (*found.possible, *found.failed) if not c.reading.unused]
-    moves = any(last.act is Act.CARRY and last.places for last in lasts)  # "shift the cube 20 cm to the right"
-    never = [c for c in found.failed if c.plan.reason == "never" and not (moves and c.plan.failure == "unturnable")]
-    settled_by = [*tidying, *never, *(c for c in found.failed if _is_so(c))]  # whatever else might be meant
-    if not world.cells and any(c.cost < top.cost for c in settled_by):
-        return refused(sentence, found._replace(failed=settled_by), world)
     impossible = [c for c in found.failed if c.plan.reason == "impossible" and not c.reading.unused]
-    measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
-    if not world.cells and any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
-        return refused(sentence, found._replace(failed=measured), world)
-    there = [c for c in impossible if any(place.name == "here" for step in c.reading.steps for place in step.places)]
-    placeless = not any(step.places for step in top.reading.steps)
-    if not world.cells and placeless and any(c.cost < top.cost for c in there):  # "in there" is no other container
-        return refused(sentence, found._replace(failed=there), world)
+    if not world.cells and (meant := _meant_before(found, top, impossible)):
+        return refused(sentence, found._replace(failed=meant), world)
     close = [c for c in found.possible if c.cost <= top.cost + costs.CLOSE]
     rivals = close[1:]
     if not world.cells:  # only what one reading leaves open is asked about, unless another reading leaves nothing open
@@ -174,6 +161,23 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
         return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
     return understood(sentence, top, found.lattice, world, following)
+
+
+def _meant_before(found: Choices, top: Choice, impossible: list[Choice]) -> list[Choice]:
+    """Return the failed choices that are meant before the likeliest possible one; [] if there are none."""
+    tidying = [c for c in found.failed if _tidies(c, top)]
+    lasts = [c.reading.steps[-1] for c in (*found.possible, *found.failed) if not c.reading.unused]
+    moves = any(last.act is Act.CARRY and last.places for last in lasts)  # "shift the cube 20 cm to the right"
+    never = [c for c in found.failed if c.plan.reason == "never" and not (moves and c.plan.failure == "unturnable")]
+    settled_by = [*tidying, *never, *(c for c in found.failed if _is_so(c))]  # whatever else might be meant
+    if any(c.cost < top.cost for c in settled_by):
+        return settled_by
+    measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
+    if any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
+        return measured
+    there = [c for c in impossible if any(place.name == "here" for step in c.reading.steps for place in step.places)]
+    placeless = not any(step.places for step in top.reading.steps)
+    return there if placeless and any(c.cost < top.cost for c in there) else []  # "in there" is no other container
 
 
 def crowded(found: Choices) -> list[Choice]:
@@ -467,22 +471,16 @@ def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
             named = any({"color", "noun"} & edges.keys() for edges in lattice.edges[slice(*entity.span)])
             plain = entity.noun is None or entity.noun in said or not named  # by an earlier sentence
             return f"there is no {' '.join(head) if plain else repr(part)} here"
-        if entity.colors and not any(_is_like(plan.world, i, entity) for i in range(len(plan.world.things))):
+        if entity.colors and not any(is_like(plan.world, i, entity) for i in range(len(plan.world.things))):
             return f"there is no {' '.join((head[0], entity.noun or 'thing'))} here"  # wherever it shall be
         world, inside = plan.world, [each.anchors[0] for each in entity.relations if each.name in ("in", "from")]
-        boxes = [i for i in world.containers if inside and _is_like(world, i, inside[0])]
+        boxes = [i for i in world.containers if inside and is_like(world, i, inside[0])]
         if boxes and not any(world.contents(i) for i in boxes):
             return f"nothing is in {listed([name(world, i) for i in boxes], 'or')}"
         return f"I do not see which thing is meant by {part!r}"
     if plan.reason == "place":
         return f"{part!r} is a place, and I do not see which thing you mean"
     return f"I see no place for that at {part!r}" if part else "I do not see where it should go"
-
-
-def _is_like(world: WorldModel, index: int, entity: Entity) -> bool:
-    """Whether a thing has the colours and the kind of a phrase, wherever it is."""
-    kind = entity.noun in (None, "thing", world.things[index].kind)
-    return kind and all(color_fits(world, index, color) for color in entity.colors)
 
 
 def _cannot(choice: Choice, lattice: Lattice) -> str:
