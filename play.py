@@ -56,7 +56,8 @@ def parser() -> OptionParser:
     options.add_argument("--seed", type=int, default=0, help="of the scenes")
     options.add_argument("--gui", action="store_true", help="no page: PyBullet's own window, with the keyboard")
     options.add_argument("--headless", type=Path, metavar="VIDEO", help="no page: do what --say says, and write an mp4")
-    options.add_argument("--say", help="with --headless: the instruction; {0}, {1} stand for objects of the scene")
+    instruction = "with --headless: the instruction; {0}, {1} stand for objects of the scene"
+    options.add_argument("--say", action="append", help=instruction)
     return options
 
 
@@ -72,6 +73,8 @@ def main(words: Sequence[str]) -> None:
     require_docstrings()
     if (args.headless is None) != (args.say is None):
         raise ConfigError("--headless and --say belong together: --headless out.mp4 --say 'open the drawer'")
+    if args.say is not None and len(args.say) > 1:
+        raise ConfigError(f"--say is given {len(args.say)} times: give one instruction, 'open the drawer then ...'")
     if args.gui and args.headless is not None:
         raise ConfigError("--gui opens a window and --headless opens none: give one of them")
     if args.seed < 0:
@@ -223,12 +226,15 @@ def _check_address(host: str, port: int) -> None:
 def write_video(args: argparse.Namespace) -> None:
     """Do one instruction and write it to an mp4. Raises ConfigError for words that are not understood."""
     from demo.video_recorder import VideoRecorder
-    from language import Plan
+    from language import Answer, Plan
 
     session = make_session(args)
     try:
         names = session.object_names()
-        interpretation = session.say(_with_names(args.say, names))
+        interpretation = session.say(_with_names(args.say[0], names))
+        if isinstance(interpretation, Answer):
+            print(f"{interpretation.message} (No video is written: nothing moves.)")
+            return
         if not isinstance(interpretation, Plan):
             raise ConfigError(f"--say: {interpretation.message} (the objects are {', '.join(names)})")
         args.headless.parent.mkdir(parents=True, exist_ok=True)

@@ -79,11 +79,20 @@ def test_a_bad_sentence_raises_and_writes_no_video(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_question_gets_its_answer_and_no_video(tmp_path, capsys):
+    video = tmp_path / "said.mp4"
+    play.main(["--headless", str(video), "--say", "what do you see?", "task=nl_reach"])
+    assert capsys.readouterr().out.startswith("I see the ")
+    assert not video.exists()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--headless", "said.mp4"], "--headless and --say belong together"),
         (["--say", "reach the cube"], "--headless and --say belong together"),
+        (["--headless", "said.mp4", "--say", "open it", "--say", "close it"], "--say is given 2 times"),
         (["--seed", "-1"], "--seed=-1 must be at least 0"),
         (["--port", "0"], "--port=0 must be from 1 to 65535"),
         (["--port", "abc"], "--port=abc must be a whole number; see play.py --help"),
