@@ -125,7 +125,7 @@ def _act_of(words: tuple[str, ...]) -> str | None:
             if act and rest and (best[at] is None or rest[0] + 1 < best[at][0]):  # type: ignore[index]
                 best[at] = rest[0] + 1, (act, *rest[1])
     acts = [act for act in (best[0] or (0, ()))[1] if act != "polite"]
-    told = {"said", "meant", "mean"} & {*words} or words[-2:-1] == ("no",)
+    told = {"said", "meant", "mean", "far"} & {*words} or words[-2:-1] == ("no",)
     if words[-1:] == ("right",) and (told or BITS & {*words}):  # "I said right", "a bit right" tell a side
         return None
     strong = [act for act in acts if act not in ("social", "sorry", "yes", "no")]

@@ -217,6 +217,10 @@ class Lattice:
         """Whether a word is no word of the lexicon, but similar to some."""
         return any(cost for _, cost in self.variants[index])
 
+    def names_absent(self, index: int) -> bool:
+        """Whether a word is a colour before a kind of thing; one that is not used names none: "the purple cube"."""
+        return index + 1 < len(self) and "color" in self.edges[index] and "noun" in self.edges[index + 1]
+
     def is_call(self, index: int) -> bool:
         """Whether a word that is not known calls somebody: marks part it from all others, "the red one, chief"."""
         word, ends = self.text(index), ("", ",", ".", "!", "?")

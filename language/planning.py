@@ -176,7 +176,8 @@ class Planner(Several):
         """Return the plan with what "it" and "in there" mean after a clause. moved: before it, with its mover."""
         mover = moved.mover
         assert mover is not None
-        boxes = [each for step in plan.steps[-1:] for each in (step.object, step.goal) if each in self.world.containers]
+        done = plan.steps[min(len(moved.steps), len(plan.steps) - 1) :]
+        boxes = [each for step in done for each in (step.object, step.goal) if each in self.world.containers]
         beside = [anchor for each in getattr(clause.entity, "relations", ()) for anchor in each.anchors if anchor.noun]
         if not boxes and plan.box is None and beside:  # "take the one nearest to the drawer and drop it in"
             named = self.resolver(moved.world, moved.it).resolve(beside[-1])

@@ -486,3 +486,53 @@ def test_what_is_left_otherwise_is_no_command_taken_back():
 )
 def test_an_unusual_question_gets_its_answer(sentences, told):
     assert outcome_of(sentences, room(FACTS["A"])).text.startswith(told)
+
+
+def test_that_is_closed_which_something_was_taken_out_of():
+    turns_of = "Close the fridge / Now get red out of the drawer onto the table and close that as well."
+    assert named(outcome_of(turns_of, room(FACTS["I"])).steps)[-1] == "close drawer"
+
+
+def test_what_comes_before_is_done_before():
+    assert done("Turn the wheel, but before please press on the button.") == ["press button", "turn wheel"]
+
+
+def test_do_so_agrees():
+    assert turns("could the red one go on the blue one", "Lovely, then do so.")[1] == ["lift red", "stack red blue"]
+
+
+def test_three_is_a_number_and_no_misspelt_word():
+    assert not isinstance(said("touch three cubes"), Plan)
+
+
+def test_a_thing_that_is_not_here_is_called_so():
+    assert said("put the red cube next to the purple cube").text == "there is no purple cube here"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "corner"),
+    [
+        ("put the red cube at the back on the left", (0.47, 0.21)),
+        ("put the red cube at the front, on the left", (0.32, 0.21)),
+        ("put the gray cube on the right at the front", (0.32, -0.21)),
+    ],
+)
+def test_of_two_sides_none_is_left_out(sentence, corner):
+    assert said(sentence).steps[-1].place == pytest.approx(corner, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("first", "complaint", "axis", "sign"),
+    [
+        ("put red on the left", "that's too far left", 1, -1),
+        ("put the gray cube at the front", "no that's too far right", 1, 1),
+        ("put red at the front", "too close to you", 0, 1),
+    ],
+)
+def test_a_complaint_about_what_was_moved_moves_it_to_the_other_side(first, complaint, axis, sign):
+    before, after = (turns(*each)[0].steps[-1].place for each in ((first,), (first, complaint)))
+    assert sign * (after[axis] - before[axis]) > 0.005
+
+
+def test_far_left_is_the_left_side():
+    assert said("move the gray cube to the far left").steps[-1].place[1] > 0.15
