@@ -87,8 +87,8 @@ A gesture goes with "this", "that", "here" and "there": `interpret("take this", 
 """
 FRESH = """\
 What a stranger may expect: sentences for the room by people who did not know the grammar, measured before a developer
-read them. "As expected" includes right questions and refusals. Those of the first two rows are in
-`benchmarks/unread/`; [older ones](experiments/understanding.md).
+read them, at the commit that is named. "As expected" includes right questions and refusals. Those of the first two rows
+are in `benchmarks/unread/`; [older ones](experiments/understanding.md). Writers differ more than commits.
 """
 DEVELOPED = """\
 Of {number} sentences that the grammar was developed on, {met:.0%} are as expected, {wrong} wrong and {refused}
