@@ -16,7 +16,7 @@ from language.normalise import known_words, normalised, spelling, wordings
 from language.remarks import command, naming
 from language.scanning import Token, inflections, said, scan, verb_words
 from language.verbs import KNOWN, Act
-from language.words import FILLERS, TABLE, phrases
+from language.words import FILLERS, TABLE, colors, phrases
 
 DOUBLED = 0.5  # wrong letters that a double letter typed once, or a single one typed twice, counts as
 MOST_RELATIONS = 12  # tokens where a relation begins; commands that people wrote have up to 8
@@ -217,9 +217,11 @@ class Lattice:
         """Whether a word is no word of the lexicon, but similar to some."""
         return any(cost for _, cost in self.variants[index])
 
-    def names_absent(self, index: int) -> bool:
-        """Whether a word is a colour before a kind of thing; one that is not used names none: "the purple cube"."""
-        return index + 1 < len(self) and "color" in self.edges[index] and "noun" in self.edges[index + 1]
+    def names_absent(self, index: int, here: Collection[str]) -> bool:
+        """Whether a word is a colour that nothing has, before a kind of thing: "the purple cube". here: the colours."""
+        if index + 1 == len(self) or "noun" not in self.edges[index + 1] or "color" not in self.edges[index]:
+            return False
+        return colors().get(self.text(index), ("",))[0] not in here
 
     def is_call(self, index: int) -> bool:
         """Whether a word that is not known calls somebody: marks part it from all others, "the red one, chief"."""

@@ -256,9 +256,9 @@ def _unknown(sentence: str, strange: Sequence[int], plan: Draft, lattice: Lattic
     words = " ".join(_typed(sentence, lattice, strange[:3]))
     asked = f", only {said(world, plan.steps)}" if plan.steps and not plan.failure else ""
     tokens = [token.text for token in lattice.tokens]
-    absent = next((f"{tokens[i]} {tokens[i + 1]}" for i in strange if lattice.names_absent(i)), "")
-    unsure = f"there is no {absent} here" if absent else f"I am not sure what you mean by {words!r}{asked}"
-    text = _below(tokens) or unsure
+    here = {thing.color for thing in world.things}
+    absent = (f"there is no {tokens[i]} {tokens[i + 1]} here" for i in strange if lattice.names_absent(i, here))
+    text = _below(tokens) or next(absent, "") or f"I am not sure what you mean by {words!r}{asked}"
     return Refusal(sentence, 0.0, (words,), (0, len(sentence)), "nothing", text, offers(world, tokens))
 
 
